@@ -1,0 +1,266 @@
+"""A robot: names, limits, frames and rigid-body dynamics, all computed by Pinocchio from a URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from arm3dof.errors import FrameNotFound
+from arm3dof.state import Array, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Joint limits; every array has shape (nv,).
+
+    Attributes:
+        q_min: lowest position [rad]; ``-inf`` for a joint that turns freely.
+        q_max: highest position [rad]; ``inf`` for a joint that turns freely.
+        v_max: highest speed [rad/s].
+        tau_max: highest torque [N m].
+    """
+
+    q_min: Array
+    q_max: Array
+    v_max: Array
+    tau_max: Array
+
+    def __post_init__(self) -> None:
+        q_min = frozen_array(self.q_min, None, name="q_min")
+        object.__setattr__(self, "q_min", q_min)
+        for name in ("q_max", "v_max", "tau_max"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), q_min.size, name=name))
+
+
+@dataclass(frozen=True)
+class Description:
+    """Where a robot came from: enough to build it, draw it and save it again.
+
+    Attributes:
+        source: the name or path that was loaded.
+        urdf: the URDF text after overrides, as Pinocchio read it.
+        package_dirs: folders in which ``package://`` meshes lie.
+        locked_joints: joints held fixed, and their positions [rad or m].
+    """
+
+    source: str
+    urdf: str
+    package_dirs: tuple[Path, ...] = ()
+    locked_joints: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "locked_joints", MappingProxyType(dict(self.locked_joints)))
+
+
+class Robot:
+    """A fixed-base arm with one-degree-of-freedom joints, so that nq == nv.
+
+    Joint order is Pinocchio's. All methods take and return SI units, and each result is a fresh
+    array. A robot owns one ``pinocchio.Data``: give each thread a robot of its own (``clone``).
+
+    Attributes:
+        name: the robot's name in the URDF.
+        joint_names: names of the joints that move, in order.
+        limits: position, velocity and torque limits.
+        tool_frame: the frame that is brought to a target.
+        damping: viscous friction of each joint, shape (nv,) [N m s/rad].
+        friction: Coulomb friction of each joint, shape (nv,) [N m].
+        description: the source and the URDF text that this robot was built from.
+    """
+
+    def __init__(
+        self,
+        model: pin.Model,
+        *,
+        limits: Limits,
+        tool_frame: str,
+        damping: ArrayLike,
+        friction: ArrayLike,
+        description: Description,
+    ) -> None:
+        self._model = model
+        self._data = model.createData()
+        self.name: str = model.name
+        self.joint_names: tuple[str, ...] = tuple(model.names[1:])
+        self.limits = limits
+        self.damping = frozen_array(damping, model.nv, name="damping")
+        self.friction = frozen_array(friction, model.nv, name="friction")
+        self.description = description
+        self._frames = {frame.name: index for index, frame in enumerate(model.frames)}
+        self._frame_id(tool_frame)
+        self.tool_frame = tool_frame
+
+    def __repr__(self) -> str:
+        return f"Robot({self.name!r}, joints={list(self.joint_names)}, tool={self.tool_frame!r})"
+
+    def clone(self) -> Robot:
+        """Return an independent robot with the same model, safe to use in another thread."""
+        return Robot(
+            pin.Model(self._model),
+            limits=self.limits,
+            tool_frame=self.tool_frame,
+            damping=self.damping,
+            friction=self.friction,
+            description=self.description,
+        )
+
+    @property
+    def model(self) -> pin.Model:
+        """The Pinocchio model; read it, never write to it."""
+        return self._model
+
+    @property
+    def nv(self) -> int:
+        """Number of joints (and of velocities and torques)."""
+        return int(self._model.nv)
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        """Names of all frames, links and joints included."""
+        return tuple(self._frames)
+
+    @property
+    def gravity_acceleration(self) -> Array:
+        """Gravity in the base frame, shape (3,) [m/s^2]."""
+        return np.array(self._model.gravity.linear)
+
+    # ---- kinematics ------------------------------------------------------------------------
+
+    def placement(self, q: ArrayLike, frame: str | None = None) -> pin.SE3:
+        """Return the pose of a frame in the base frame.
+
+        Args:
+            q: joint positions, shape (nv,) [rad].
+            frame: frame name; the tool when ``None``.
+
+        Raises:
+            FrameNotFound: the robot has no such frame.
+            InputError: ``q`` has another shape.
+        """
+        index = self._frame_id(frame or self.tool_frame)
+        pin.forwardKinematics(self._model, self._data, self._vector(q, "q"))
+        return pin.updateFramePlacement(self._model, self._data, index).copy()
+
+    def jacobian(self, q: ArrayLike, frame: str | None = None) -> Array:
+        """Return the frame's Jacobian along the base axes, linear rows first, shape (6, nv).
+
+        Args:
+            q: joint positions, shape (nv,) [rad].
+            frame: frame name; the tool when ``None``.
+
+        Raises:
+            FrameNotFound: the robot has no such frame.
+            InputError: ``q`` has another shape.
+        """
+        index = self._frame_id(frame or self.tool_frame)
+        return np.array(
+            pin.computeFrameJacobian(
+                self._model, self._data, self._vector(q, "q"), index, pin.LOCAL_WORLD_ALIGNED
+            )
+        )
+
+    # ---- dynamics --------------------------------------------------------------------------
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Return M(q) of (19), symmetric, shape (nv, nv) [kg m^2] (CRBA).
+
+        Raises:
+            InputError: ``q`` has another shape.
+        """
+        return np.array(pin.crba(self._model, self._data, self._vector(q, "q")))
+
+    def coriolis(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Return the Christoffel matrix C(q, v), shape (nv, nv) [kg m^2/s].
+
+        ``C @ v`` is the paper's N(q, v) v, and dM/dt - 2 C is skew-symmetric.
+
+        Raises:
+            InputError: ``q`` or ``v`` has another shape.
+        """
+        return np.array(
+            pin.computeCoriolisMatrix(
+                self._model, self._data, self._vector(q, "q"), self._vector(v, "v")
+            )
+        )
+
+    def gravity(self, q: ArrayLike) -> Array:
+        """Return g(q) of (19): the torque that holds the arm still, shape (nv,) [N m].
+
+        Raises:
+            InputError: ``q`` has another shape.
+        """
+        return np.array(
+            pin.computeGeneralizedGravity(self._model, self._data, self._vector(q, "q"))
+        )
+
+    def friction_torque(self, v: ArrayLike) -> Array:
+        """Return the torque that joint friction takes, shape (nv,) [N m].
+
+        It is ``damping * v + friction * sign(v)``, as the URDF's ``<dynamics>`` states it.
+
+        Raises:
+            InputError: ``v`` has another shape.
+        """
+        v = self._vector(v, "v")
+        return self.damping * v + self.friction * np.sign(v)
+
+    def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+        """Return the torque that gives acceleration ``a``, joint friction included.
+
+        Args:
+            q: joint positions, shape (nv,) [rad].
+            v: joint velocities, shape (nv,) [rad/s].
+            a: joint accelerations, shape (nv,) [rad/s^2].
+
+        Returns:
+            Torque, shape (nv,) [N m].
+
+        Raises:
+            InputError: an argument has another shape.
+        """
+        q, v, a = self._vector(q, "q"), self._vector(v, "v"), self._vector(a, "a")
+        return np.array(pin.rnea(self._model, self._data, q, v, a)) + self.friction_torque(v)
+
+    def forward_dynamics(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
+        """Return the acceleration that a torque gives, joint friction included.
+
+        Args:
+            q: joint positions, shape (nv,) [rad].
+            v: joint velocities, shape (nv,) [rad/s].
+            tau: joint torques, shape (nv,) [N m].
+
+        Returns:
+            Acceleration, shape (nv,) [rad/s^2].
+
+        Raises:
+            InputError: an argument has another shape.
+        """
+        q, v, tau = self._vector(q, "q"), self._vector(v, "v"), self._vector(tau, "tau")
+        net = tau - self.friction_torque(v)
+        return np.array(pin.aba(self._model, self._data, q, v, net))
+
+    # ---- helpers ---------------------------------------------------------------------------
+
+    def random_configuration(self, rng: np.random.Generator) -> Array:
+        """Return a position drawn uniformly inside the limits, shape (nv,) [rad].
+
+        A joint without limits is drawn from one turn.
+        """
+        low = np.where(np.isfinite(self.limits.q_min), self.limits.q_min, -np.pi)
+        high = np.where(np.isfinite(self.limits.q_max), self.limits.q_max, np.pi)
+        return rng.uniform(low, high)
+
+    def _vector(self, values: ArrayLike, name: str) -> Array:
+        return frozen_array(values, self.nv, name=name)
+
+    def _frame_id(self, frame: str) -> int:
+        try:
+            return self._frames[frame]
+        except KeyError:
+            raise FrameNotFound(frame, self._frames) from None

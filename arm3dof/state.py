@@ -1,0 +1,67 @@
+"""Frozen values that every layer passes around."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from arm3dof.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def frozen_array(values: ArrayLike, *shape: int | None, name: str) -> Array:
+    """Copy ``values`` into a read-only float array of the given shape.
+
+    Args:
+        values: anything that numpy turns into floats.
+        shape: expected length of each axis; ``None`` leaves that axis free.
+        name: what the message calls the array.
+
+    Raises:
+        InputError: the values are not numbers, or have another shape.
+    """
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is {values!r}; give an array of numbers") from None
+    fits = array.ndim == len(shape) and all(
+        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
+        raise InputError(f"{name} has shape {array.shape}; give shape {wanted}")
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class JointState:
+    """Positions and velocities of all joints at one instant.
+
+    A state may hold NaN: measurements do break, and the controller answers them with a status.
+
+    Attributes:
+        t: time [s].
+        q: joint positions, shape (nv,) [rad].
+        v: joint velocities, shape (nv,) [rad/s].
+
+    Raises:
+        InputError: ``q`` is not a vector or ``v`` has another length.
+    """
+
+    t: float
+    q: Array
+    v: Array
+
+    def __post_init__(self) -> None:
+        q = frozen_array(self.q, None, name="q")
+        object.__setattr__(self, "q", q)
+        object.__setattr__(self, "v", frozen_array(self.v, q.size, name="v"))
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether every number in the state is finite."""
+        return bool(np.isfinite(self.q).all() and np.isfinite(self.v).all())
