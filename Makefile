@@ -1,0 +1,73 @@
+# Everything a newcomer needs: `make demo` and `make test` create .venv and install what they use.
+# They need python3 (3.11 or newer) and a package registry that pip can reach; nothing else.
+
+PYTHON ?= python3
+ARGS   ?=
+BIN    := .venv/bin
+BASE   := .venv/.installed
+DEV    := .venv/.installed-dev
+DOCS   := .venv/.installed-docs
+
+# One thread a process: the matrices are small, and the tests run one process a core.
+export OMP_NUM_THREADS := 1
+PYTEST := $(BIN)/pytest -n 2 --dist worksteal
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test test-fast test-slow lint format types contract docs bench images clean
+
+help:  ## show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s  %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+demo: $(BASE)  ## picture -> target -> motion, then a page that plays it (ARGS=--no-serve: no page)
+	$(BIN)/arm3dof demo --out out $(ARGS)
+
+test: $(DEV)  ## the tests, browser tests included; about two minutes
+	@$(BIN)/python tools/ensure_chromium.py
+	$(PYTEST) -m "not slow" $(ARGS)
+
+test-fast: $(DEV)  ## the tests that need no browser
+	$(PYTEST) -m "not slow and not browser" $(ARGS)
+
+test-slow: $(DEV)  ## physics campaigns and large samples
+	@$(BIN)/python tools/ensure_chromium.py
+	$(PYTEST) -m slow $(ARGS)
+
+lint: $(DEV)  ## ruff: style, docstrings, likely bugs, formatting
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+format: $(DEV)  ## let ruff rewrite what it can
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+types: $(DEV)  ## mypy, strict
+	$(BIN)/mypy
+
+contract: $(DEV)  ## imports only run down the layers
+	$(BIN)/lint-imports
+
+docs: $(DOCS)  ## the manual, in docs/_build/html; a warning is an error
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+	@echo "open docs/_build/html/index.html"
+
+bench: $(DEV)  ## measure, print the tables, and write them where the docs show them
+	$(BIN)/python -m benchmarks $(ARGS)
+
+images: $(DEV)  ## draw the pictures that the README and the docs show
+	$(BIN)/python tools/make_images.py
+
+clean:  ## remove .venv and everything that was built
+	rm -rf .venv build dist out docs/_build docs/_generated .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(BASE): pyproject.toml constraints.txt tools/bootstrap.py
+	@$(PYTHON) tools/bootstrap.py
+	@touch $@
+
+$(DEV): pyproject.toml constraints.txt tools/bootstrap.py
+	@$(PYTHON) tools/bootstrap.py dev robots
+	@touch $@ $(BASE)
+
+$(DOCS): pyproject.toml constraints.txt tools/bootstrap.py
+	@$(PYTHON) tools/bootstrap.py dev robots docs
+	@touch $@ $(DEV) $(BASE)

@@ -1,0 +1,84 @@
+"""Create ``.venv`` and install arm3dof into it, with the versions that CI tests.
+
+    python3 tools/bootstrap.py [EXTRA ...]
+
+Runs on a bare ``python3``: it uses the standard library alone, and its syntax stays old enough for
+an old interpreter to reach the line that says which one is needed.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+VENV = ROOT / ".venv"
+OLDEST = (3, 11)
+
+
+def main(extras):
+    """Create the environment when there is none, then install the package with ``extras``."""
+    python = VENV / "bin" / "python"
+    if not python.exists():
+        check_version()
+        check_venv()
+        say(f"creating .venv with {sys.executable}")
+        run(sys.executable, "-m", "venv", "--clear", VENV)
+    wanted = f"[{','.join(extras)}]" if extras else ""
+    say(f"installing arm3dof{wanted} into .venv (the first time takes a few minutes)")
+    pins = ("-c", ROOT / "constraints.txt")
+    run(python, "-m", "pip", "install", "--quiet", *pins, "--editable", f"{ROOT}{wanted}")
+
+
+def check_version():
+    """Stop with one line when this interpreter is too old."""
+    if sys.version_info < OLDEST:
+        have, need = dotted(sys.version_info[:2]), dotted(OLDEST)
+        stop(
+            f"arm3dof needs Python {need} or newer, and {sys.executable} is {have}; "
+            f"name another one: make demo PYTHON=python{need}"
+        )
+
+
+def check_venv():
+    """Make sure that ``python -m venv`` can work: Debian and Ubuntu ship it apart."""
+    probe = [sys.executable, "-c", "import ensurepip, venv"]
+    if subprocess.run(probe, stderr=subprocess.DEVNULL).returncode == 0:
+        return
+    package = f"python{dotted(sys.version_info[:2])}-venv"
+    if os.geteuid() != 0 or not shutil.which("apt-get"):
+        stop(
+            f"{sys.executable} cannot create environments; install its venv module "
+            f"(Debian and Ubuntu: sudo apt-get install {package})"
+        )
+    say(f"installing {package}")
+    os.environ["DEBIAN_FRONTEND"] = "noninteractive"
+    run("apt-get", "update", "-qq")
+    run("apt-get", "install", "-y", "-qq", "--no-install-recommends", package)
+
+
+def dotted(version):
+    """Return (3, 11) as 3.11."""
+    return ".".join(map(str, version))
+
+
+def run(*command):
+    """Run a command; its failure ends this script with the same code."""
+    code = subprocess.run([str(part) for part in command]).returncode
+    if code:
+        sys.exit(code)
+
+
+def say(text):
+    """Tell the reader what is going on."""
+    print(f"== {text}", flush=True)
+
+
+def stop(text):
+    """End with one line on stderr."""
+    sys.exit(f"error: {text}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
