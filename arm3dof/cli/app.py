@@ -1,0 +1,60 @@
+"""The ``arm3dof`` program: its commands, and how it ends."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Annotated
+
+import typer
+
+from arm3dof.cli import output
+from arm3dof.errors import ArmError
+
+app = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
+
+
+@app.callback(invoke_without_command=True)
+def root(
+    context: typer.Context,
+    show_version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", show_default=False)
+    ] = False,
+) -> None:
+    """From a picture to a motion: see an object, aim, and move a robot arm there with MPC.
+
+    Exit codes: 0 done, 1 the answer is no, 2 bad input. Lengths are metres and angles degrees,
+    as each option's name says.
+    """
+    if show_version:
+        output.out().print(f"arm3dof {version('arm3dof')}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        output.out().print(context.get_help(), end="")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program and return its exit code.
+
+    Args:
+        arguments: the words after the program's name; those of this process when ``None``.
+    """
+    command = typer.main.get_command(app)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = command.main(words, prog_name="arm3dof", standalone_mode=False)
+    except (ArmError, typer.TyperException) as error:
+        return _refuse(error.format_message() if isinstance(error, typer.TyperException) else error)
+    except OSError as error:
+        return _refuse(f"{error.filename or 'system'}: {error.strerror or error}")
+    except (KeyboardInterrupt, typer.Abort):
+        output.err().print("stopped")
+        return output.INTERRUPTED
+    return int(code or output.DONE)
+
+
+def _refuse(reason: object) -> int:
+    line = " ".join(str(reason).split())
+    output.err().print(f"error: {line}", markup=False)
+    return output.BAD_INPUT

@@ -1,0 +1,79 @@
+"""Options that several commands share, and the reading of numbers from them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from arm3dof.errors import InputError
+from arm3dof.model.library import load_robot
+from arm3dof.model.robot import Robot
+
+JsonFlag = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object and nothing else.", show_default=False)
+]
+RobotName = Annotated[
+    str,
+    typer.Option(
+        "--robot", metavar="R", help="A name that `arm3dof robots` lists, or a URDF file."
+    ),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a number of the URDF, such as link2.mass=0.2 (kg, m, rad, N m). Repeatable.",
+        show_default=False,
+    ),
+]
+OutFolder = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Folder to write into.", show_default=False),
+]
+
+
+def robot_from(source: str, changes: list[str] | None) -> Robot:
+    """Load a robot with the changes of ``--set``.
+
+    Raises:
+        InputError: a change is not ``KEY=VALUE`` with a number, or names nothing of this robot.
+        ArmError: the robot cannot be loaded.
+    """
+    overrides: dict[str, float] = {}
+    for change in changes or ():
+        key, equals, value = change.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"--set '{change}': write KEY=VALUE, for example link2.mass=0.2")
+        overrides[key.strip()] = number(value, f"--set {key.strip()}")
+    return load_robot(source, overrides=overrides or None)
+
+
+def number(text: str, what: str) -> float:
+    """Read one finite number.
+
+    Raises:
+        InputError: the text is no number, or not a finite one.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        raise InputError(f"{what} is '{text}'; give a number") from None
+    if not math.isfinite(value):
+        raise InputError(f"{what} is {text}; give a finite number")
+    return value
+
+
+def numbers(text: str, count: int, what: str) -> list[float]:
+    """Read ``count`` finite numbers separated by commas.
+
+    Raises:
+        InputError: there are more or fewer, or one of them is not a finite number.
+    """
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != count:
+        raise InputError(f"{what} is '{text}'; give {count} numbers separated by commas")
+    return [number(part, what) for part in parts]
