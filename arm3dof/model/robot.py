@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -47,15 +48,42 @@ class Description:
         urdf: the URDF text after overrides, as Pinocchio read it.
         package_dirs: folders in which ``package://`` meshes lie.
         locked_joints: joints held fixed, and their positions [rad or m].
+        gravity: acceleration of gravity in the base frame [m/s^2].
     """
 
     source: str
     urdf: str
     package_dirs: tuple[Path, ...] = ()
     locked_joints: Mapping[str, float] = field(default_factory=dict)
+    gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "locked_joints", MappingProxyType(dict(self.locked_joints)))
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the description as values that JSON can hold."""
+        return {
+            "source": self.source,
+            "urdf": self.urdf,
+            "package_dirs": [str(folder) for folder in self.package_dirs],
+            "locked_joints": dict(self.locked_joints),
+            "gravity": list(self.gravity),
+        }
+
+    @staticmethod
+    def from_dict(values: Mapping[str, Any]) -> Description:
+        """Return the description that ``to_dict`` wrote.
+
+        Raises:
+            KeyError: a value is missing.
+        """
+        return Description(
+            source=str(values["source"]),
+            urdf=str(values["urdf"]),
+            package_dirs=tuple(Path(folder) for folder in values["package_dirs"]),
+            locked_joints={name: float(q) for name, q in values["locked_joints"].items()},
+            gravity=tuple(float(g) for g in values["gravity"]),
+        )
 
 
 class Robot:

@@ -1,0 +1,186 @@
+"""Convex quadratic programs, solved by ProxQP in a workspace that is kept between solves."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from proxsuite import proxqp
+
+from arm3dof.errors import InputError
+from arm3dof.state import Array
+
+UNBOUNDED = 1e20
+"""A bound of this size or more is no bound (ProxQP's convention)."""
+
+
+class QuadraticProgram(NamedTuple):
+    """Minimise 1/2 x' H x + g' x subject to l <= C x <= u.
+
+    Attributes:
+        H: Hessian, symmetric positive semidefinite, shape (n, n).
+        g: gradient at zero, shape (n,).
+        C: constraint rows, shape (m, n).
+        l: lower bounds, shape (m,); ``-UNBOUNDED`` for none.
+        u: upper bounds, shape (m,); ``UNBOUNDED`` for none.
+    """
+
+    H: Array
+    g: Array
+    C: Array
+    l: Array  # noqa: E741 - the field's standard name, beside its partner u
+    u: Array
+
+
+class QpStatus(Enum):
+    """How a solve ended; the value is a sentence for people."""
+
+    SOLVED = "solved to the tolerance"
+    ITERATION_LIMIT = "the iteration cap was reached before the tolerance"
+    INFEASIBLE = "no point satisfies every constraint"
+    UNBOUNDED = "the cost has no lower bound inside the constraints"
+    NOT_FINITE = "the problem or its solution holds NaN or infinity"
+
+
+_STATUS = {
+    proxqp.PROXQP_SOLVED: QpStatus.SOLVED,
+    proxqp.PROXQP_MAX_ITER_REACHED: QpStatus.ITERATION_LIMIT,
+    proxqp.PROXQP_NOT_RUN: QpStatus.ITERATION_LIMIT,
+    proxqp.PROXQP_PRIMAL_INFEASIBLE: QpStatus.INFEASIBLE,
+    proxqp.PROXQP_SOLVED_CLOSEST_PRIMAL_FEASIBLE: QpStatus.INFEASIBLE,
+    proxqp.PROXQP_DUAL_INFEASIBLE: QpStatus.UNBOUNDED,
+}
+
+
+@dataclass(frozen=True)
+class QpSettings:
+    """Accuracy and effort of a solve.
+
+    Attributes:
+        tolerance: largest absolute residual and duality gap of a solved problem.
+        max_iterations: cap on the solver's outer iterations.
+
+    Raises:
+        InputError: a value is not positive.
+    """
+
+    tolerance: float = 1e-7
+    max_iterations: int = 1000
+
+    def __post_init__(self) -> None:
+        if not self.tolerance > 0:
+            raise InputError(f"tolerance is {self.tolerance}; give a positive number")
+        if not self.max_iterations >= 1:
+            raise InputError(f"max_iterations is {self.max_iterations}; give 1 or more")
+
+
+@dataclass(frozen=True, eq=False)
+class QpSolution:
+    """What a solve returned.
+
+    Attributes:
+        x: primal point, shape (n,).
+        z: multipliers of the rows, shape (m,); positive where the upper bound pushes.
+        status: how the solve ended.
+        iterations: outer iterations used.
+        solve_time: wall time of update and solve [s].
+    """
+
+    x: Array
+    z: Array
+    status: QpStatus
+    iterations: int
+    solve_time: float
+
+    def kkt_residual(self, qp: QuadraticProgram) -> float:
+        """Return the largest violation of the optimality conditions of ``qp``.
+
+        It is the greatest of: the gradient of the Lagrangian, the distance of ``C x`` from its
+        bounds, and each multiplier times the distance of its row from the bound that it claims.
+        """
+        stationarity = qp.H @ self.x + qp.g + qp.C.T @ self.z
+        rows = qp.C @ self.x
+        infeasibility = np.maximum(qp.l - rows, rows - qp.u).clip(min=0.0)
+        to_upper = np.where(self.z > 0, self.z * (qp.u - rows), 0.0)
+        to_lower = np.where(self.z < 0, self.z * (rows - qp.l), 0.0)
+        parts = (stationarity, infeasibility, to_upper, to_lower)
+        return max((float(np.abs(part).max()) for part in parts if part.size), default=0.0)
+
+
+class ProxqpWorkspace:
+    """One ProxQP object, reused for problems of one size.
+
+    After a solve that did not end as ``SOLVED`` the object is built anew, so that a bad problem
+    leaves no trace in the next one.
+    """
+
+    def __init__(self, n: int, m: int, settings: QpSettings | None = None) -> None:
+        self._n, self._m = n, m
+        self._settings = settings or QpSettings()
+        self._qp: proxqp.dense.QP | None = None
+
+    def reset(self) -> None:
+        """Forget the previous solution."""
+        self._qp = None
+
+    def solve(self, qp: QuadraticProgram, *, same_hessian: bool = False) -> QpSolution:
+        """Solve one problem, starting from the previous one's solution.
+
+        Args:
+            qp: the problem, with n variables and m rows.
+            same_hessian: promise that ``qp.H`` equals the previous problem's, which saves time.
+
+        Raises:
+            InputError: the problem has another size than the workspace.
+        """
+        if qp.g.shape != (self._n,) or qp.C.shape != (self._m, self._n):
+            raise InputError(
+                f"the QP has {qp.C.shape[0]} rows and {qp.g.size} variables; "
+                f"this workspace takes {self._m} and {self._n}"
+            )
+        start = time.perf_counter()
+        if not all(np.isfinite(part).all() for part in qp):
+            return self._broken(start)
+        if self._qp is None:
+            self._qp = self._fresh()
+            self._qp.init(qp.H, qp.g, None, None, qp.C, qp.l, qp.u)
+        elif same_hessian:
+            self._qp.update(g=qp.g, C=qp.C, l=qp.l, u=qp.u)
+        else:
+            self._qp.update(H=qp.H, g=qp.g, C=qp.C, l=qp.l, u=qp.u, update_preconditioner=True)
+        self._qp.solve()
+        results = self._qp.results
+        x, z = np.array(results.x), np.array(results.z)
+        status, iterations = _STATUS[results.info.status], int(results.info.iter)
+        if not (np.isfinite(x).all() and np.isfinite(z).all()):
+            return self._broken(start)
+        if status is not QpStatus.SOLVED:
+            self.reset()
+        return QpSolution(x, z, status, iterations, time.perf_counter() - start)
+
+    def _fresh(self) -> proxqp.dense.QP:
+        qp = proxqp.dense.QP(
+            self._n,
+            0,
+            self._m,
+            False,
+            proxqp.dense.HessianType.Dense,
+            proxqp.dense.DenseBackend.PrimalDualLDLT,
+        )
+        qp.settings.eps_abs = self._settings.tolerance
+        qp.settings.eps_rel = 0.0
+        qp.settings.check_duality_gap = True  # without it a few "solved" points are not optimal
+        qp.settings.eps_duality_gap_abs = self._settings.tolerance
+        qp.settings.eps_duality_gap_rel = 0.0
+        qp.settings.eps_primal_inf = 1e-8  # the default calls some feasible problems infeasible
+        qp.settings.max_iter = self._settings.max_iterations
+        qp.settings.initial_guess = proxqp.InitialGuess.COLD_START_WITH_PREVIOUS_RESULT
+        return qp
+
+    def _broken(self, start: float) -> QpSolution:
+        self.reset()
+        x, z = np.full(self._n, np.nan), np.full(self._m, np.nan)
+        return QpSolution(x, z, QpStatus.NOT_FINITE, 0, time.perf_counter() - start)

@@ -1,0 +1,92 @@
+"""What a user can choose about the model predictive controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm3dof.control.qp import QpSettings
+from arm3dof.errors import InputError
+
+Formulation = Literal["paper"]
+Discretisation = Literal["euler", "exact"]
+
+
+@dataclass(frozen=True)
+class MpcSettings:
+    """Settings of ``MpcController``.
+
+    The state is x = [e; v]: e = q_target - q in rad, v in rad/s; the input u is a joint
+    acceleration in rad/s^2, so one choice of weights suits light and heavy arms alike. A ratio
+    ``position weight / input_weight`` = w^4 makes each joint behave like a critically damped
+    servo of about w rad/s: the default, 1 / 0.001, settles in roughly one second. A larger
+    velocity weight slows the arm and damps it; a larger input weight saves energy and lets the
+    error live longer.
+
+    Attributes:
+        formulation: ``"paper"``: the error dynamics frozen at the measured state, (22)-(38).
+        horizon: number of stages N.
+        dt: sampling time T [s]; the controller is called once every ``dt``.
+        state_weight: Q: two numbers (position [1/rad^2], velocity [s^2/rad^2]), one number a
+            component of x, or the (2 nv, 2 nv) matrix.
+        input_weight: R: one number, one a joint, or the (nv, nv) matrix [s^4/rad^2].
+        terminal_weight: P, given like ``state_weight``; ``None`` takes the solution of the
+            Riccati equation, with which the end of the horizon costs what an endless one would.
+        discretisation: ``"euler"`` is (30)-(33), ``"exact"`` holds u over each sample.
+        limit_weight: price of leaving a velocity or joint limit, in multiples of the largest
+            state weight [1/rad, s/rad]; large enough that a limit is only ever left when the
+            torque cannot prevent it.
+        max_iterations: iteration cap of one solve.
+        tolerance: largest residual of a solved problem.
+        max_step_time: a step that takes longer answers with the previous plan [s]; ``None``
+            sets no deadline.
+        plan_validity: how long the previous plan may stand in for a missing optimum [s]; after
+            it the arm brakes.
+
+    Raises:
+        InputError: a value is outside its domain.
+    """
+
+    formulation: Formulation = "paper"
+    horizon: int = 20
+    dt: float = 0.05
+    state_weight: ArrayLike = (1.0, 0.0)
+    input_weight: ArrayLike = 0.001
+    terminal_weight: ArrayLike | None = None
+    discretisation: Discretisation = "euler"
+    limit_weight: float = 1000.0
+    max_iterations: int = 200
+    tolerance: float = 1e-7
+    max_step_time: float | None = None
+    plan_validity: float = 0.25
+
+    def __post_init__(self) -> None:
+        _one_of("formulation", self.formulation, get_args(Formulation))
+        _one_of("discretisation", self.discretisation, get_args(Discretisation))
+        if not (isinstance(self.horizon, int) and 1 <= self.horizon <= 500):
+            raise InputError(f"horizon is {self.horizon!r}; give a whole number from 1 to 500")
+        for name in ("dt", "limit_weight"):
+            _positive(name, getattr(self, name))
+        if self.max_step_time is not None:
+            _positive("max_step_time", self.max_step_time)
+        if not (np.isfinite(self.plan_validity) and self.plan_validity >= 0):
+            raise InputError(f"plan_validity is {self.plan_validity!r}; give 0 or more seconds")
+        QpSettings(tolerance=self.tolerance, max_iterations=self.max_iterations)
+
+    @property
+    def qp_settings(self) -> QpSettings:
+        """Tolerance and iteration cap as the QP solver takes them."""
+        return QpSettings(tolerance=self.tolerance, max_iterations=self.max_iterations)
+
+
+def _positive(name: str, value: float) -> None:
+    if not (np.isfinite(value) and value > 0):
+        raise InputError(f"{name} is {value!r}; give a positive number")
+
+
+def _one_of(name: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise InputError(f"{name} is {value!r}; give one of: {', '.join(known)}")
