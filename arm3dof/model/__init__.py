@@ -1,0 +1,1 @@
+"""Robots: reading a URDF, rigid-body dynamics, kinematics and the paper's closed forms."""

@@ -15,6 +15,9 @@ from numpy.typing import ArrayLike
 from arm3dof.errors import FrameNotFound
 from arm3dof.state import Array, frozen_array
 
+STANDARD_GRAVITY: tuple[float, ...] = (0.0, 0.0, -9.81)
+"""Gravity where nothing else is said, in the base frame [m/s^2]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Limits:
@@ -45,7 +48,7 @@ class Description:
 
     Attributes:
         source: the name or path that was loaded.
-        urdf: the URDF text after overrides, as Pinocchio read it.
+        urdf: the URDF text after overrides, with its shapes and with all its joints.
         package_dirs: folders in which ``package://`` meshes lie.
         locked_joints: joints held fixed, and their positions [rad or m].
         gravity: acceleration of gravity in the base frame [m/s^2].
@@ -55,7 +58,7 @@ class Description:
     urdf: str
     package_dirs: tuple[Path, ...] = ()
     locked_joints: Mapping[str, float] = field(default_factory=dict)
-    gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
+    gravity: tuple[float, ...] = STANDARD_GRAVITY
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "locked_joints", MappingProxyType(dict(self.locked_joints)))
@@ -120,7 +123,7 @@ class Robot:
         self.damping = frozen_array(damping, model.nv, name="damping")
         self.friction = frozen_array(friction, model.nv, name="friction")
         self.description = description
-        self._frames = {frame.name: index for index, frame in enumerate(model.frames)}
+        self._frames = _frame_indices(model)
         self._frame_id(tool_frame)
         self.tool_frame = tool_frame
 
@@ -292,3 +295,12 @@ class Robot:
             return self._frames[frame]
         except KeyError:
             raise FrameNotFound(frame, self._frames) from None
+
+
+def _frame_indices(model: pin.Model) -> dict[str, int]:
+    """Return the index of each frame; where a joint and a link share a name, the link's."""
+    indices: dict[str, int] = {}
+    for index, frame in enumerate(model.frames):
+        if frame.type == pin.FrameType.BODY or frame.name not in indices:
+            indices[frame.name] = index
+    return indices
