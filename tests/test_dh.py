@@ -1,4 +1,4 @@
-import importlib.util
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -52,11 +52,10 @@ def moved(parent, xyz, rpy="0 0 0"):
     return old, f'<origin xyz="{xyz}" rpy="{rpy}" />' + old.split("/>", 1)[1]
 
 
-def derivation():
-    spec = importlib.util.spec_from_file_location("derive", ROOT / "tools/derive_closed_form.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+@pytest.fixture
+def derive(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    return importlib.import_module("arm_lagrangian")
 
 
 # ---- the formulas (3)-(7) ----------------------------------------------------------------------
@@ -114,8 +113,7 @@ def test_angles_of_another_shape_are_refused(wrong):
         position(wrong, 0.1, 0.2)
 
 
-def test_symbolic_chain_equals_the_printed_formulas_and_the_numbers():
-    derive = derivation()
+def test_symbolic_chain_equals_the_printed_formulas_and_the_numbers(derive):
     q1, q2, q3 = derive.Q
     zero = sp.Integer(0)
     frame3 = derive.joint_frames()[2]

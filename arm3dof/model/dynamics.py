@@ -120,10 +120,10 @@ class ClosedForm:
         Raises:
             InputError: ``q`` or ``v`` has another shape.
         """
-        sign = self.geometry.sign
-        theta, rates = self.geometry.to_dh(q), sign * np.asarray(v, dtype=np.float64)
-        if rates.shape != theta.shape:
+        sign, theta = self.geometry.sign, self.geometry.to_dh(q)
+        if np.shape(v) != theta.shape:
             raise InputError(f"v has shape {np.shape(v)}; give that of q, {theta.shape}")
+        rates = sign * np.asarray(v, dtype=np.float64)
         return terms.coriolis(self._sums, theta, rates) * np.outer(sign, sign)
 
     def gravity(self, q: ArrayLike) -> Array:
