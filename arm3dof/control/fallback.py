@@ -48,15 +48,16 @@ class Fallback:
         """Keep the plan of a good step."""
         self._plan, self._q_target, self._age = plan, q_target, 0
 
-    def answer(self, state: JointState) -> Answer:
+    def answer(self, state: JointState | None) -> Answer:
         """Return a torque for a step without an optimum, and let the plan grow older.
 
-        A state that is not finite is replaced by the one that the plan predicted; without any
-        plan nothing is known about the arm, and the torque is zero.
+        Args:
+            state: the measured state; ``None`` when it cannot be believed. Then the plan's
+                prediction stands in for it, and without any plan the torque is zero.
         """
         self._age += 1
         nv = self._robot.nv
-        believed = state if state.is_finite else self._believed(state.t)
+        believed = state or self._believed()
         if believed is None:
             zero = np.zeros(nv)
             return Answer(zero, zero, np.zeros((1, 2 * nv)), TorqueSource.BRAKING)
@@ -70,11 +71,11 @@ class Fallback:
         tau = self._robot.inverse_dynamics(believed.q, believed.v, u)
         return Answer(tau, u, plan, source)
 
-    def _believed(self, t: float) -> JointState | None:
+    def _believed(self) -> JointState | None:
         """Return where the plan says that the arm is now; at rest once the plan has ended."""
         if self._plan is None:
             return None
         row = min(self._age, len(self._plan.x) - 1)
         error, v = np.split(self._plan.x[row], 2)
         moving = self._age <= self._most_steps
-        return JointState(t, self._q_target - error, v if moving else np.zeros_like(v))
+        return JointState(0.0, self._q_target - error, v if moving else np.zeros_like(v))

@@ -18,6 +18,8 @@ from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState, frozen_array
 
 _STICTION_SPEED = 1e-3  # [rad/s]: Coulomb friction is compensated in full from this speed on
+_MOST_OVERSPEED = 10.0  # a speed of more than this many times its limit is a broken measurement
+_MOST_OUTSIDE = 2 * np.pi  # [rad]: and so is a position this far outside its range
 _FRICTION_SHARE = 0.9  # friction compensation never takes more of the torque limit than this
 
 
@@ -57,7 +59,8 @@ class MpcController:
         """Return the torque to apply until the next step.
 
         Args:
-            state: measured state; NaN or infinity in it is answered with ``BAD_MEASUREMENT``.
+            state: measured state. One that no arm can be in (NaN, infinity, ten times the speed
+                limit, a turn outside the joint range) is answered with ``BAD_MEASUREMENT``.
             q_target: target, shape (nv,) [rad]; NaN or infinity is answered with ``BAD_TARGET``.
 
         Raises:
@@ -69,8 +72,8 @@ class MpcController:
             raise InputError(
                 f"the state has {state.q.size} joints; {self.robot.name} has {self.robot.nv}"
             )
-        if not state.is_finite:
-            return self._fall_back(state, ControlStatus.BAD_MEASUREMENT, start)
+        if not self._is_plausible(state):
+            return self._fall_back(None, ControlStatus.BAD_MEASUREMENT, start)
         if not np.isfinite(q_target).all():
             return self._fall_back(state, ControlStatus.BAD_TARGET, start)
         with np.errstate(all="ignore"):  # an absurd state overflows; its program is not solved
@@ -102,10 +105,18 @@ class MpcController:
     def _solve(self, program: Program, q_target: Array) -> Optimum:
         return self._solver.solve(program, q_target, self.robot.limits.tau_max - self._friction)
 
+    def _is_plausible(self, state: JointState) -> bool:
+        limits = self.robot.limits
+        low, high = limits.q_min - _MOST_OUTSIDE, limits.q_max + _MOST_OUTSIDE
+        in_range = (state.q >= low) & (state.q <= high)
+        return bool((in_range & (np.abs(state.v) <= _MOST_OVERSPEED * limits.v_max)).all())
+
     def _friction_compensation(self, v_next: Array) -> Array:
         return self._friction * np.clip(v_next / _STICTION_SPEED, -1.0, 1.0)
 
-    def _fall_back(self, state: JointState, status: ControlStatus, start: float) -> ControlStep:
+    def _fall_back(
+        self, state: JointState | None, status: ControlStatus, start: float
+    ) -> ControlStep:
         return self._finish(self._fallback.answer(state), status, start)
 
     def _finish(self, answer: Answer, status: ControlStatus, start: float) -> ControlStep:

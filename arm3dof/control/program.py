@@ -19,6 +19,7 @@ from arm3dof.model.robot import Limits
 from arm3dof.state import Array
 
 _LIMIT_TOLERANCE = 1e-6  # [rad, rad/s]: below this a limit is kept
+_KKT_TOLERANCE = 1e-6
 _ROWS_AT_A_TIME = 8  # workspaces grow in steps of this many soft rows
 
 
@@ -92,11 +93,20 @@ class ProgramSolver:
                 break
             chosen |= broken
             qp = _softened(program, qp, rows[chosen], bounds[chosen], self._limit_weight)
-            solution = self._workspace(qp).solve(qp)
+            solution = self._certified(qp)
         nv = tau_max.size
         U = solution.x[: program.g.size]
         X = program.free_response + program.response @ U
         return Optimum(U.reshape(-1, nv), X.reshape(-1, 2 * nv), softened, qp, solution)
+
+    def _certified(self, qp: Qp) -> QpSolution:
+        """Solve a QP; from scratch if the start from an earlier solution misled the solver."""
+        workspace = self._workspace(qp)
+        solution = workspace.solve(qp)
+        if solution.status is not QpStatus.SOLVED or solution.kkt_residual(qp) > _KKT_TOLERANCE:
+            workspace.reset()
+            solution = workspace.solve(qp)
+        return solution
 
     def _workspace(self, qp: Qp) -> ProxqpWorkspace:
         size = (qp.g.size, qp.l.size)

@@ -16,6 +16,8 @@ from arm3dof.state import Array
 UNBOUNDED = 1e20
 """A bound of this size or more is no bound (ProxQP's convention)."""
 
+_INNER_ITERATIONS = 20
+
 
 class QuadraticProgram(NamedTuple):
     """Minimise 1/2 x' H x + g' x subject to l <= C x <= u.
@@ -61,14 +63,15 @@ class QpSettings:
 
     Attributes:
         tolerance: largest absolute residual and duality gap of a solved problem.
-        max_iterations: cap on the solver's outer iterations.
+        max_iterations: cap on the solver's outer iterations; each has at most 20 inner ones, so
+            that the time of a solve is bounded whatever the problem.
 
     Raises:
         InputError: a value is not positive.
     """
 
-    tolerance: float = 1e-7
-    max_iterations: int = 1000
+    tolerance: float = 1e-8
+    max_iterations: int = 40
 
     def __post_init__(self) -> None:
         if not self.tolerance > 0:
@@ -177,6 +180,8 @@ class ProxqpWorkspace:
         qp.settings.eps_duality_gap_rel = 0.0
         qp.settings.eps_primal_inf = 1e-8  # the default calls some feasible problems infeasible
         qp.settings.max_iter = self._settings.max_iterations
+        qp.settings.max_iter_in = _INNER_ITERATIONS
+        qp.settings.default_mu_in = 1e-3  # measured: half the time of the default on our problems
         qp.settings.initial_guess = proxqp.InitialGuess.COLD_START_WITH_PREVIOUS_RESULT
         return qp
 

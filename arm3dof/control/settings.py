@@ -58,8 +58,8 @@ class MpcSettings:
     terminal_weight: ArrayLike | None = None
     discretisation: Discretisation = "euler"
     limit_weight: float = 1000.0
-    max_iterations: int = 200
-    tolerance: float = 1e-7
+    max_iterations: int = 40
+    tolerance: float = 1e-8
     max_step_time: float | None = None
     plan_validity: float = 0.25
 

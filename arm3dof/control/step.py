@@ -34,7 +34,7 @@ _STATUS_SENTENCES = {
     ),
     ControlStatus.NOT_SOLVED: "the solver reached no optimum",
     ControlStatus.DEADLINE_MISSED: "the optimum came later than max_step_time",
-    ControlStatus.BAD_MEASUREMENT: "the measured state holds NaN or infinity",
+    ControlStatus.BAD_MEASUREMENT: "the measured state is not finite, or one that no arm can be in",
     ControlStatus.BAD_TARGET: "the target holds NaN or infinity",
 }
 
