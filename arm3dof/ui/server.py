@@ -8,6 +8,7 @@ every route.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import os
 import socket
@@ -29,7 +30,7 @@ HOST = "127.0.0.1"
 MAX_PORT = 65535
 MAX_FRAME = 1 << 20  # bytes in a websocket message from a client
 GRACE = 2  # s: how long open requests may take to end when the server stops
-JOIN_STEP = 0.2  # s: a thread's join without a timeout cannot be interrupted on every system
+WAIT_STEP = 0.2  # s: a wait without a timeout cannot be interrupted on every system
 
 
 class _WebSocketProtocol(WebSocketsSansIOProtocol):
@@ -101,6 +102,7 @@ class LocalServer:
             timeout_graceful_shutdown=GRACE,
         )
         self._server = _Uvicorn(config)
+        self._ended = threading.Event()
         self._thread = threading.Thread(
             target=self._run, name=f"arm3dof-server-{self.port}", daemon=True
         )
@@ -132,13 +134,15 @@ class LocalServer:
 
     def wait(self) -> None:
         """Block until the server stops; Ctrl-C raises ``KeyboardInterrupt`` here as usual."""
-        while self._thread.is_alive():
-            self._thread.join(JOIN_STEP)
+        # not Thread.join: interrupted by Ctrl-C, Python 3.11 takes the thread for ended
+        while self._thread.ident is not None and not self._ended.wait(WAIT_STEP):
+            pass
 
     def stop(self) -> None:
         """Stop serving: close every connection, the socket and the thread."""
         self._server.should_exit = True
         if self._thread.ident is not None:
+            self._ended.wait()
             self._thread.join()
         self._socket.close()
 
@@ -155,8 +159,10 @@ class LocalServer:
 
     def _run(self) -> None:
         try:
-            self._server.run(sockets=[self._socket])
+            with contextlib.suppress(SystemExit):  # how uvicorn ends when the start fails
+                self._server.run(sockets=[self._socket])
         finally:
+            self._ended.set()
             self._server.ready.set()
 
 

@@ -29,9 +29,8 @@ PACKAGE = "package://"
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _TURN = np.linspace(0, 2 * np.pi, 16, endpoint=False)
 _RIMS = np.array([(np.cos(a), np.sin(a), z) for a in _TURN for z in (-1.0, 1.0)])
-_DIRECTIONS = np.array(
-    [np.divide(d, np.linalg.norm(d)) for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
-)
+_COMPASS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
+_DIRECTIONS = _COMPASS / np.linalg.norm(_COMPASS, axis=1, keepdims=True)
 
 
 @dataclass(frozen=True)
