@@ -6,6 +6,7 @@ input, one line on stderr).
 
 from __future__ import annotations
 
+import os
 import sys
 
 from arm3dof.cli import doctor
@@ -19,6 +20,7 @@ def main() -> int:
     When the installation is so broken that the commands cannot even be imported, the program says
     what ``arm3dof doctor`` found.
     """
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the matrices are small: threads cost more
     try:
         from arm3dof.cli import app
     except ImportError as error:

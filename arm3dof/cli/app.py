@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from arm3dof.cli import output
+from arm3dof.cli import doctor, output, robots, simulate
+from arm3dof.cli.options import JsonFlag
 from arm3dof.errors import ArmError
 
 app = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
@@ -32,6 +33,19 @@ def root(
         raise typer.Exit
     if context.invoked_subcommand is None:
         output.out().print(context.get_help(), end="")
+
+
+@app.command("doctor")
+def examine(as_json: JsonFlag = False) -> int:
+    """Say whether this installation is sound, and what to do when it is not."""
+    return doctor.report(as_json=as_json)
+
+
+_POINT = {"ignore_unknown_options": True}  # a negative coordinate is no option
+app.command(context_settings=_POINT)(robots.ik)
+app.command()(robots.check)
+app.command("robots")(robots.robots)
+app.command()(simulate.simulate)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

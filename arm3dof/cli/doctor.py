@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass
 from importlib import metadata
 
 from rich.console import Console
+from rich.markup import escape
 
 from arm3dof.cli import output
 
@@ -89,9 +90,9 @@ def _lines(findings: list[Finding]) -> Iterator[str]:
     width = max((len(finding.what) for finding in findings), default=0)
     for finding in findings:
         mark = "[green]ok[/]" if finding.ok else "[red]no[/]"
-        yield f"{mark}  {finding.what:{width}}  [dim]{finding.found}[/]"
+        yield f"{mark}  {finding.what:{width}}  [dim]{escape(finding.found)}[/]"
         if finding.cure:
-            yield f"    {'':{width}}  -> {finding.cure}".replace("[", r"\[")
+            yield f"    {'':{width}}  -> {escape(finding.cure)}"
 
 
 def _python() -> Finding:

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import json
-import math
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, is_dataclass
-from enum import Enum
-from pathlib import Path
 
-import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
+
+from arm3dof.ui.summary import to_json
 
 DONE = 0
 ANSWER_IS_NO = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
+_WIDE = 200
 
 
 def out() -> Console:
-    """Return the console that answers go to (made afresh: tests replace stdout)."""
-    return Console(highlight=False, soft_wrap=True)
+    """Return the console that answers go to; into a file or pipe, tables keep their full width."""
+    width = None if sys.stdout.isatty() else _WIDE
+    return Console(highlight=False, soft_wrap=True, width=width)
 
 
 def err() -> Console:
@@ -53,35 +52,9 @@ def deliver(
     return DONE if yes else ANSWER_IS_NO
 
 
-def to_json(report: object) -> str:
-    """Return strict JSON: arrays become lists, and a number that is not finite becomes null."""
-    return json.dumps(_plain(report), indent=2, allow_nan=False)
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Enum):
-        return _plain(value.value)
-    if isinstance(value, Path):
-        return str(value)
-    if is_dataclass(value) and not isinstance(value, type):
-        return _plain(asdict(value))
-    return value
-
-
-def table(*columns: str, title: str | None = None) -> Table:
-    """Return an empty table in the house style: no box, numbers aligned by their column's name.
-
-    A column whose name ends in a unit, ``"mass [kg]"``, is right-aligned.
-    """
-    made = Table(title=title, box=None, pad_edge=False, header_style="bold", title_justify="left")
+def table(*columns: str) -> Table:
+    """Return an empty table in the house style; a column with a unit is aligned to the right."""
+    made = Table(box=None, pad_edge=False, header_style="bold")
     for column in columns:
-        made.add_column(column.replace("[", r"\["), justify="right" if "]" in column else "left")
+        made.add_column(escape(column), justify="right" if "[" in column else "left")
     return made
