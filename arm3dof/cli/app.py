@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from arm3dof.cli import doctor, output, robots, simulate
+from arm3dof.cli import doctor, output, robots, simulate, view
 from arm3dof.cli.options import JsonFlag
 from arm3dof.errors import ArmError
 
@@ -46,6 +46,7 @@ app.command(context_settings=_POINT)(robots.ik)
 app.command()(robots.check)
 app.command("robots")(robots.robots)
 app.command()(simulate.simulate)
+app.command()(view.view)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -127,10 +127,10 @@ def write_run(recording: Recording, metrics: Metrics, folder: Path) -> list[Path
     Raises:
         InputError: the folder cannot be written.
     """
-    from arm3dof.ui.plots import write_figures  # matplotlib loads only where it draws
+    from arm3dof.ui.plots import save_figures  # matplotlib loads only where it draws
 
     run, summary = folder / "run.npz", folder / "summary.json"
-    files = [recording.save(run), *write_figures(recording, folder), summary]
+    files = [recording.save(run), *save_figures(recording, folder), summary]
     write_atomically(summary, to_json(run_report(metrics, files)).encode())
     return files
 
