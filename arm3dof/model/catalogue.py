@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 
 from arm3dof.errors import InputError, MissingExtra
@@ -113,6 +112,8 @@ def bundled_urdf(name: str) -> Path:
 
 def library_share() -> Path | None:
     """Return the folder that example-robot-data's ``package://`` names start from, if installed."""
+    from importlib import metadata  # slow to import, and the bundled robots need none of it
+
     try:
         installed = metadata.distribution(_EXTRA)
     except metadata.PackageNotFoundError:

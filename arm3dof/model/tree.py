@@ -24,7 +24,9 @@ def tree_problems(urdf: Urdf) -> tuple[Problem, ...]:
     """
     if not urdf.links:
         return (Problem(f"robot '{urdf.name}'", "has no links", "add <link> elements"),)
-    return (*_name_problems(urdf), *_end_problems(urdf), *_shape_problems(urdf))
+    ends = tuple(_end_problems(urdf))
+    shape = () if ends else _shape_problems(urdf)  # a joint that leads nowhere spoils the shape
+    return (*_name_problems(urdf), *ends, *shape)
 
 
 def _name_problems(urdf: Urdf) -> Iterator[Problem]:
@@ -41,9 +43,10 @@ def _end_problems(urdf: Urdf) -> Iterator[Problem]:
     known = {link.name for link in urdf.links}
     for joint in urdf.joints:
         for role, name in (("parent", joint.parent), ("child", joint.child)):
-            if name and name not in known:
-                what = f"{role} link '{name}' does not exist"
-                yield Problem(f"joint '{joint.name}'", what, "name one of the robot's links")
+            if name not in known or not name:
+                what = f"{role} link '{name}' does not exist" if name else f"has no {role} link"
+                cure = f'name one of the robot\'s links: <{role} link="..."/>'
+                yield Problem(f"joint '{joint.name}'", what, cure)
 
 
 def _shape_problems(urdf: Urdf) -> Iterator[Problem]:

@@ -63,8 +63,8 @@ class Joint:
     Attributes:
         name: the joint's name.
         kind: URDF type, for example ``revolute``.
-        parent: name of the link that it hangs on.
-        child: name of the link that it carries.
+        parent: name of the link that it hangs on; empty if the file names none.
+        child: name of the link that it carries; empty if the file names none.
         xyz: its place in the parent link's frame, shape (3,) [m].
         rpy: its orientation there, shape (3,) [rad].
         axis: axis in the joint's own frame, shape (3,).
@@ -262,8 +262,8 @@ def _joint(element: ElementTree.Element, reader: NumberReader) -> Joint:
     return Joint(
         name=name,
         kind=kind,
-        parent=_end(element, "parent", where, reader),
-        child=_end(element, "child", where, reader),
+        parent=_end(element, "parent"),
+        child=_end(element, "child"),
         xyz=xyz,
         rpy=rpy,
         axis=reader.vector(element.find("axis"), "xyz", where, (1.0, 0.0, 0.0)),
@@ -288,9 +288,6 @@ def _kind(element: ElementTree.Element, where: str, reader: NumberReader) -> str
     return kind
 
 
-def _end(element: ElementTree.Element, tag: str, where: str, reader: NumberReader) -> str:
+def _end(element: ElementTree.Element, tag: str) -> str:
     end = element.find(tag)
-    link = "" if end is None else end.get("link", "")
-    if not link:
-        reader.note(where, f"has no {tag}", f'write <{tag} link="..."/>')
-    return link
+    return "" if end is None else end.get("link", "")
