@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from arm3dof.control.step import ControlStatus, TorqueSource
 from arm3dof.errors import InputError, MissingFile
+from arm3dof.model.build import robot_from_description
 from arm3dof.model.robot import Description, Limits, Robot
 from arm3dof.state import Array, frozen_array
 
@@ -88,8 +89,6 @@ class Recording:
 
     def load_robot(self) -> Robot:
         """Build the robot of this run again."""
-        from arm3dof.model.library import robot_from_description
-
         return robot_from_description(self.robot, tool_frame=self.tool_frame)
 
     def save(self, path: str | Path) -> Path:

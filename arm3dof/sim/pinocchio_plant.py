@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
@@ -10,18 +12,19 @@ from arm3dof.errors import InputError
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState, frozen_array
 
-_STABLE_STEP = 1.0  # RK4 is stable for rate * dt < 2.78; this leaves room for poses not sampled
-_FRICTION_SWEEPS = 50
-_FRICTION_TOLERANCE = 1e-12  # [rad/s]
+_FASTEST_EXPLICIT_DECAY = 0.5  # damping that decays more than this share of a step is stiff
+_FRICTION_SWEEPS = 100
+_FRICTION_TOLERANCE = 1e-10  # [rad/s]
 
 
 class PinocchioPlant:
     """Rigid-body dynamics with joint damping and Coulomb friction.
 
-    Each step integrates M a + C v + g + D v = tau with the classical Runge-Kutta method (RK4),
-    in as many substeps as stiff damping needs for stability, and then lets Coulomb friction take
-    its share of the momentum: the velocity that minimises the kinetic energy of the change plus
-    the friction's work, so that a joint sticks exactly when friction can hold it.
+    Each step integrates M a + C v + g + D v = tau with the classical Runge-Kutta method (RK4).
+    Then dry friction takes its share of the momentum: the new velocity v' minimises
+    1/2 |v' - v|_M^2 + dt sum_i f_i |v'_i|, so that a joint sticks exactly when friction can hold
+    it. Damping too stiff for RK4 (a geared wrist) joins that implicit step as 1/2 dt d_i v'_i^2.
+    The position then follows by the trapezoidal rule.
 
     Attributes:
         robot: the robot that is simulated.
@@ -42,9 +45,11 @@ class PinocchioPlant:
         self.robot = robot.clone()
         self._dt = float(dt)
         self._model, self._data = self.robot.model, self.robot.model.createData()
-        self._damping = self.robot.damping if self.robot.damping.any() else None
-        self._friction = self.robot.friction if self.robot.friction.any() else None
-        self._substeps = self._stable_substeps()
+        stiff = self._has_stiff_damping()
+        none = np.zeros(robot.nv)
+        self._explicit_damping = none if stiff else self.robot.damping
+        self._implicit_damping = self.robot.damping if stiff else none
+        self._rubs = stiff or bool(self.robot.friction.any())
         middle = self.robot.limits.q_min / 2 + self.robot.limits.q_max / 2
         self._q = np.where(np.isfinite(middle), middle, 0.0)
         self._v = np.zeros(robot.nv)
@@ -87,11 +92,11 @@ class PinocchioPlant:
         torque = frozen_array(tau, self.robot.nv, name="tau")
         if not np.isfinite(torque).all():
             raise InputError(f"tau is {torque}; a plant takes finite torques")
-        h = self._dt / self._substeps
-        for _ in range(self._substeps):
-            self._runge_kutta(torque, h)
-            if self._friction is not None:
-                self._rub(h)
+        q, v = self._runge_kutta(torque)
+        if self._rubs:
+            v = self._rub(v)
+            q = self._q + self._dt / 2 * (self._v + v)
+        self._q, self._v = q, v
         self._steps += 1
         return self.state
 
@@ -100,12 +105,11 @@ class PinocchioPlant:
         return float(pin.computeMechanicalEnergy(self._model, self._data, self._q, self._v))
 
     def _acceleration(self, q: Array, v: Array, tau: Array) -> Array:
-        if self._damping is not None:
-            tau = tau - self._damping * v
-        return np.array(pin.aba(self._model, self._data, q, v, tau))
+        net = tau - self._explicit_damping * v
+        return np.array(pin.aba(self._model, self._data, q, v, net))
 
-    def _runge_kutta(self, tau: Array, h: float) -> None:
-        q, v = self._q, self._v
+    def _runge_kutta(self, tau: Array) -> tuple[Array, Array]:
+        q, v, h = self._q, self._v, self._dt
         a1 = self._acceleration(q, v, tau)
         v2 = v + h / 2 * a1
         a2 = self._acceleration(q + h / 2 * v, v2, tau)
@@ -113,33 +117,36 @@ class PinocchioPlant:
         a3 = self._acceleration(q + h / 2 * v2, v3, tau)
         v4 = v + h * a3
         a4 = self._acceleration(q + h * v3, v4, tau)
-        self._q = q + h / 6 * (v + 2 * v2 + 2 * v3 + v4)
-        self._v = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+        return q + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
-    def _rub(self, h: float) -> None:
-        """Minimise 1/2 |v' - v|_M^2 + h sum_i f_i |v'_i| by coordinate descent."""
+    def _rub(self, free: Array) -> Array:
+        """Return the velocity after dry friction and stiff damping, by coordinate descent."""
+        h = self._dt
         mass = np.array(pin.crba(self._model, self._data, self._q))
-        impulse = h * self.robot.friction
-        free, v = self._v, self._v.copy()
+        dry = (h * self.robot.friction).tolist()
+        inertia = (mass.diagonal() + h * self._implicit_damping).tolist()
+        momentum = mass @ free
+        np.fill_diagonal(mass, 0.0)  # what is left couples a joint to the others
+        v = free.copy()
         for _ in range(_FRICTION_SWEEPS):
             change = 0.0
-            for i, limit in enumerate(impulse):
-                pull = mass[i, i] * v[i] - mass[i] @ (v - free)
-                new = np.sign(pull) * max(abs(pull) - limit, 0.0) / mass[i, i]
-                change = max(change, abs(new - v[i]))
+            for i, limit in enumerate(dry):
+                pull = float(momentum[i] - mass[i] @ v)
+                new = math.copysign(max(abs(pull) - limit, 0.0), pull) / inertia[i]
+                change = max(change, abs(new - float(v[i])))
                 v[i] = new
             if change < _FRICTION_TOLERANCE:
                 break
-        self._v = v
+        return v
 
-    def _stable_substeps(self) -> int:
-        """Return the substeps that keep RK4 stable for the damping, over sampled poses."""
-        if self._damping is None:
-            return 1
+    def _has_stiff_damping(self) -> bool:
+        """Whether damping decays too fast for RK4, in the fastest of some sampled poses."""
+        if not self.robot.damping.any():
+            return False
         rng = np.random.default_rng(0)
-        fastest = 0.0
-        for _ in range(32):
-            mass = self.robot.mass_matrix(self.robot.random_configuration(rng))
-            rates = np.linalg.eigvals(np.linalg.solve(mass, np.diag(self._damping)))
-            fastest = max(fastest, float(np.abs(rates).max()))
-        return max(1, int(np.ceil(fastest * self._dt / _STABLE_STEP)))
+        poses = [self.robot.random_configuration(rng) for _ in range(32)]
+        rates = [
+            np.linalg.eigvals(np.linalg.solve(self.robot.mass_matrix(q), np.diag(self.robot.damping)))
+            for q in poses
+        ]
+        return float(np.abs(rates).max()) * self._dt > _FASTEST_EXPLICIT_DECAY

@@ -1,0 +1,262 @@
+"""The controller: the paper's gain, optimal under limits, and never nonsense."""
+
+import numpy as np
+import pytest
+
+from arm3dof.control.mpc import MpcController
+from arm3dof.control.paper import PaperFormulation
+from arm3dof.control.qp import QpStatus
+from arm3dof.control.settings import MpcSettings
+from arm3dof.control.step import ControlStatus, TorqueSource
+from arm3dof.errors import InputError
+from arm3dof.model.library import load_robot
+from arm3dof.runtime.loop import run_loop
+from arm3dof.runtime.metrics import summarise
+from arm3dof.sim.pinocchio_plant import PinocchioPlant
+from arm3dof.state import JointState
+
+PAPER_TARGET = np.deg2rad([28.1, 67.8, 53.8])
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("arm3dof")
+
+
+def weak(robot, effort):
+    return load_robot("arm3dof", overrides={f"{name}.effort": effort for name in robot.joint_names})
+
+
+def random_state(robot, rng, speed=1.0):
+    return JointState(0.0, robot.random_configuration(rng), rng.normal(size=robot.nv) * speed)
+
+
+def assert_safe(step, robot):
+    assert np.isfinite(step.tau).all()
+    assert (np.abs(step.tau) <= robot.limits.tau_max).all()
+    assert isinstance(step.status, ControlStatus)
+    assert step.status.sentence
+    assert step.source.sentence
+
+
+@pytest.mark.parametrize("discretisation", ["euler", "exact"])
+@pytest.mark.parametrize("horizon", [1, 5, 20])
+def test_without_active_limits_the_first_input_is_the_closed_form_gain(discretisation, horizon):
+    free = load_robot(
+        "arm3dof",
+        overrides={
+            f"joint{i}.{key}": value
+            for i in (1, 2, 3)
+            for key, value in {
+                "effort": 1e4, "velocity": 1e4, "lower": -1e3, "upper": 1e3
+            }.items()
+        },
+    )
+    settings = MpcSettings(horizon=horizon, discretisation=discretisation)
+    controller, formulation = MpcController(free, settings), PaperFormulation(free, settings)
+    rng = np.random.default_rng(horizon)
+    for _ in range(20):
+        state = JointState(0.0, rng.uniform(-2, 2, 3), rng.normal(size=3))
+        target = rng.uniform(-2, 2, 3)
+        cost = formulation.cost(formulation.predict(state))
+        x = np.r_[target - state.q, state.v]
+        expected = -np.linalg.solve(cost.H, cost.M.T @ x)[:3]
+        step = controller.step(state, target)
+        assert step.status is ControlStatus.SOLVED
+        np.testing.assert_allclose(step.u, expected, atol=1e-6, rtol=1e-6)
+        damping = free.damping * (state.v + settings.dt * step.u)
+        tau = free.mass_matrix(state.q) @ step.u + free.gravity(state.q) + damping
+        np.testing.assert_allclose(step.tau, tau, atol=1e-9)
+
+
+def test_with_active_limits_the_solution_satisfies_the_kkt_conditions(robot):
+    rng = np.random.default_rng(1)
+    controller = MpcController(weak(robot, 0.5))
+    at_limit = 0
+    for _ in range(100):
+        state = random_state(robot, rng)
+        optimum = controller.optimise(state, robot.random_configuration(rng))
+        assert optimum.solution.status is QpStatus.SOLVED
+        scale = max(1.0, np.abs(optimum.solution.z).max() / 100)
+        assert optimum.solution.kkt_residual(optimum.qp) <= 1e-6 * scale
+        at_limit += bool((np.abs(optimum.solution.z) > 1e-3).any())
+    assert at_limit > 50
+
+
+def test_every_limit_of_the_full_program_holds_in_the_prediction(robot):
+    rng = np.random.default_rng(2)
+    slow = load_robot("arm3dof", overrides={f"joint{i}.velocity": 2.0 for i in (1, 2, 3)})
+    controller = MpcController(slow)
+    limits = slow.limits
+    for _ in range(50):
+        state = JointState(0.0, 0.9 * slow.random_configuration(rng), rng.normal(size=3) * 0.5)
+        target = slow.random_configuration(rng)
+        step = controller.step(state, target)
+        assert step.status in (ControlStatus.SOLVED, ControlStatus.SOFTENED)
+        if step.status is ControlStatus.SOLVED:
+            e, v = np.split(step.plan, 2, axis=1)
+            assert (np.abs(v) <= limits.v_max + 1e-5).all()
+            assert (target - e <= limits.q_max + 1e-5).all()
+            assert (target - e >= limits.q_min - 1e-5).all()
+
+
+def test_the_papers_experiment_settles_inside_every_limit(robot):
+    plant = PinocchioPlant(robot)
+    plant.reset(JointState(0.0, np.zeros(3), np.zeros(3)))
+    recording = run_loop(plant, MpcController(robot, MpcSettings(formulation="paper")), PAPER_TARGET, 6.0)
+    metrics = summarise(recording)
+    assert metrics.settled
+    assert metrics.settling_time < 3.0
+    assert metrics.final_error < 1e-4
+    assert (np.abs(recording.tau) <= 1.96).all()
+    assert metrics.velocity_violations == metrics.position_violations == 0
+    np.testing.assert_allclose(recording.tau[-1], robot.gravity(PAPER_TARGET), atol=1e-3)
+
+
+def test_a_target_outside_the_joint_range_is_approached_to_the_limit(robot):
+    target = np.array([0.0, robot.limits.q_max[1] + 0.5, 0.0])
+    plant = PinocchioPlant(robot)
+    plant.reset(JointState(0.0, np.array([0.0, 3.0, 0.0]), np.zeros(3)))
+    recording = run_loop(plant, MpcController(robot), target, 3.0)
+    assert recording.q[-1][1] == pytest.approx(robot.limits.q_max[1], abs=0.01)
+    assert recording.q[:, 1].max() < robot.limits.q_max[1] + 0.01
+
+
+def hostile_state(robot, rng):
+    q, v = robot.random_configuration(rng), rng.normal(size=robot.nv)
+    kind = rng.integers(6)
+    if kind == 1:
+        q = q + rng.normal(size=robot.nv) * 3
+    elif kind == 2:
+        v = v * 20
+    elif kind == 3:
+        q, v = q * 10 ** rng.uniform(0, 200), v * 10 ** rng.uniform(0, 200)
+    elif kind == 4:
+        q[rng.integers(robot.nv)] = rng.choice([np.nan, np.inf, -np.inf])
+    elif kind == 5:
+        v[rng.integers(robot.nv)] = rng.choice([np.nan, np.inf, -np.inf])
+    return JointState(0.0, q, v)
+
+
+def fuzz(robot, settings, seed, steps):
+    rng = np.random.default_rng(seed)
+    controller = MpcController(robot, settings)
+    for _ in range(steps):
+        target = robot.random_configuration(rng) * rng.choice([1.0, 1.0, 5.0, np.nan])
+        state = hostile_state(robot, rng)
+        step = controller.step(state, target)
+        assert_safe(step, robot)
+        if not state.is_finite:
+            assert step.status is ControlStatus.BAD_MEASUREMENT
+        elif not np.isfinite(target).all() and step.status is not ControlStatus.BAD_MEASUREMENT:
+            assert step.status is ControlStatus.BAD_TARGET
+        good, aim = random_state(robot, rng, 0.5), robot.random_configuration(rng)
+        if rng.random() < 0.1 and settings.max_iterations > 1:
+            after, fresh = controller.step(good, aim), MpcController(robot, settings).step(good, aim)
+            assert after.status == fresh.status
+            np.testing.assert_allclose(after.tau, fresh.tau, atol=1e-6)
+
+
+FUZZED = {
+    "default": MpcSettings(),
+    "one stage": MpcSettings(horizon=1),
+    "no weights": MpcSettings(state_weight=(0, 0), input_weight=0, terminal_weight=(0, 0)),
+    "no input weight": MpcSettings(input_weight=0, terminal_weight=(1, 1)),
+    "one iteration": MpcSettings(max_iterations=1),
+}
+
+
+@pytest.mark.parametrize("name", FUZZED)
+def test_no_input_makes_a_torque_that_is_not_safe(robot, name):
+    fuzz(robot, FUZZED[name], seed=7, steps=60)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FUZZED)
+def test_ten_thousand_hostile_steps(robot, name):
+    fuzz(weak(robot, 0.8), FUZZED[name], seed=11, steps=2000)
+
+
+def test_a_lost_measurement_is_bridged_by_the_plan_and_then_by_holding(robot):
+    controller = MpcController(robot)
+    start = JointState(0.0, np.zeros(3), np.zeros(3))
+    good = controller.step(start, PAPER_TARGET)
+    lost = JointState(0.0, np.full(3, np.nan), np.zeros(3))
+    steps = [controller.step(lost, PAPER_TARGET) for _ in range(8)]
+    assert {step.status for step in steps} == {ControlStatus.BAD_MEASUREMENT}
+    planned = [TorqueSource.PREVIOUS_PLAN] * 5 + [TorqueSource.BRAKING] * 3
+    assert [step.source for step in steps] == planned
+    q, v = PAPER_TARGET - good.plan[1, :3], good.plan[1, 3:]
+    assert steps[0].tau == pytest.approx(robot.inverse_dynamics(q, v, steps[0].u))
+    held = PAPER_TARGET - good.plan[8, :3]
+    assert steps[-1].tau == pytest.approx(robot.gravity(held))
+
+
+def test_without_any_good_measurement_the_torque_is_zero(robot):
+    lost = JointState(0.0, np.full(3, np.nan), np.zeros(3))
+    step = MpcController(robot).step(lost, PAPER_TARGET)
+    np.testing.assert_array_equal(step.tau, 0.0)
+    assert (step.status, step.source) == (ControlStatus.BAD_MEASUREMENT, TorqueSource.BRAKING)
+
+
+def test_braking_brings_a_moving_arm_to_rest(robot):
+    controller = MpcController(robot, MpcSettings(max_iterations=1, tolerance=1e-14))
+    plant = PinocchioPlant(robot)
+    plant.reset(JointState(0.0, np.zeros(3), np.array([2.0, -1.0, 3.0])))
+    weak_target = np.array([2.0, 2.0, -2.0])
+    recording = run_loop(plant, controller, weak_target * np.nan, 1.0)
+    assert set(recording.source) == {TorqueSource.BRAKING}
+    assert np.abs(recording.v[-1]).max() < 0.01
+
+
+def test_a_missed_deadline_is_reported(robot):
+    controller = MpcController(robot, MpcSettings(max_step_time=1e-9))
+    step = controller.step(JointState(0.0, np.zeros(3), np.zeros(3)), PAPER_TARGET)
+    assert step.status is ControlStatus.DEADLINE_MISSED
+    assert_safe(step, robot)
+
+
+def test_wrong_shapes_and_settings_are_refused_by_name(robot):
+    controller = MpcController(robot)
+    with pytest.raises(InputError, match="q_target has shape"):
+        controller.step(JointState(0.0, np.zeros(3), np.zeros(3)), [1.0])
+    with pytest.raises(InputError, match="the state has 2 joints; arm3dof has 3"):
+        controller.step(JointState(0.0, np.zeros(2), np.zeros(2)), PAPER_TARGET)
+    bad = {
+        "horizon": 0,
+        "dt": -1.0,
+        "formulation": "magic",
+        "discretisation": "tustin",
+        "limit_weight": 0.0,
+        "max_iterations": 0,
+        "tolerance": 0.0,
+        "max_step_time": -1.0,
+        "plan_validity": -0.1,
+    }
+    for name, value in bad.items():
+        with pytest.raises(InputError, match=name):
+            MpcSettings(**{name: value})
+    with pytest.raises(InputError, match="state_weight"):
+        MpcController(robot, MpcSettings(state_weight=(1, 2, 3)))
+
+
+def test_results_cannot_be_written_to(robot):
+    step = MpcController(robot).step(JointState(0.0, np.zeros(3), np.zeros(3)), PAPER_TARGET)
+    for array in (step.tau, step.u, step.plan):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 9.0
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "z1", "so100", "so101", "xarm7"])
+def test_arms_of_the_library_settle(name):
+    other = load_robot(name)
+    limits = other.limits
+    start = np.clip(np.zeros(other.nv), limits.q_min, limits.q_max)
+    span = np.minimum(limits.q_max - limits.q_min, 2.0)
+    signs = np.sign(np.random.default_rng(0).normal(size=other.nv))
+    target = np.clip(start + 0.25 * signs * span, limits.q_min + 0.02, limits.q_max - 0.02)
+    plant = PinocchioPlant(other, dt=0.002)
+    plant.reset(JointState(0.0, start, np.zeros(other.nv)))
+    metrics = summarise(run_loop(plant, MpcController(other), target, 2.0))
+    assert metrics.settled
+    assert metrics.torque_violations == 0
