@@ -47,9 +47,7 @@ def test_euler_is_33_and_exact_is_the_held_input_integral():
     np.testing.assert_array_equal(euler.A, np.eye(6) + dt * system.A)
     np.testing.assert_array_equal(euler.B, dt * system.B)
     x, u = rng.normal(size=6), rng.normal(size=3)
-    path = solve_ivp(
-        lambda _, y: system.A @ y + system.B @ u, (0, dt), x, rtol=1e-12, atol=1e-13
-    )
+    path = solve_ivp(lambda _, y: system.A @ y + system.B @ u, (0, dt), x, rtol=1e-12, atol=1e-13)
     np.testing.assert_allclose(exact.A @ x + exact.B @ u, path.y[:, -1], atol=1e-11)
 
 
@@ -130,5 +128,3 @@ def test_weights_expand_from_parts_components_and_matrices():
 def test_bad_weights_are_refused(weight, message):
     with pytest.raises(InputError, match=f"state_weight.*{message}"):
         weight_matrix(weight, 2, 2, "state_weight")
-
-

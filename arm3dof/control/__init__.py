@@ -1,0 +1,1 @@
+"""Model predictive control: from a state and a target to a torque inside its limits."""

@@ -1,4 +1,4 @@
-"""The constrained program of one control step, and how it is solved so that it always has an answer.
+"""The constrained program of one control step, solved so that it always has an answer.
 
 Torque limits are hard: tau is ours to choose. Velocity and joint limits are soft, with an exact
 penalty: they are kept whenever the torque can keep them, and left as little as possible when it
@@ -163,9 +163,7 @@ def _softened(program: Program, base: Qp, rows: Array, bounds: Array, limit_weig
     C[torque_rows : torque_rows + wanted, :n] = rows
     C[torque_rows : torque_rows + slacks, n:] = -np.eye(slacks)
     C[torque_rows + slacks :, n:] = np.eye(slacks)
-    low = np.concatenate(
-        [base.l[:torque_rows], np.full(slacks, -UNBOUNDED), np.zeros(slacks)]
-    )
+    low = np.concatenate([base.l[:torque_rows], np.full(slacks, -UNBOUNDED), np.zeros(slacks)])
     padded = np.full(slacks, UNBOUNDED)
     padded[:wanted] = bounds
     high = np.concatenate([base.u[:torque_rows], padded, np.full(slacks, UNBOUNDED)])

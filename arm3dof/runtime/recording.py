@@ -138,7 +138,7 @@ class Recording:
         if not path.is_file():
             raise MissingFile(f"{path}: no such recording; 'arm3dof simulate --out DIR' writes one")
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 header = json.loads(str(file["header"]))
                 if header["format"] != _FORMAT:
                     raise InputError(

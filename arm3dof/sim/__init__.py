@@ -1,0 +1,1 @@
+"""What stands in for the real arm and its surroundings."""

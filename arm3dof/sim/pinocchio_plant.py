@@ -146,7 +146,9 @@ class PinocchioPlant:
         rng = np.random.default_rng(0)
         poses = [self.robot.random_configuration(rng) for _ in range(32)]
         rates = [
-            np.linalg.eigvals(np.linalg.solve(self.robot.mass_matrix(q), np.diag(self.robot.damping)))
+            np.linalg.eigvals(
+                np.linalg.solve(self.robot.mass_matrix(q), np.diag(self.robot.damping))
+            )
             for q in poses
         ]
         return float(np.abs(rates).max()) * self._dt > _FASTEST_EXPLICIT_DECAY
