@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
@@ -19,7 +21,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
 ]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "_generated"]
 html_theme = "furo"
 html_title = f"arm3dof {version}"
 html_static_path: list[str] = []
@@ -27,13 +29,16 @@ html_math_renderer = "mathml"
 
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
+# every function and class that a page names exists; names of other libraries are not looked up
+nitpicky = True
+nitpick_ignore_regex = [("py:.*", r"(?!arm3dof\.).*")]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_default_options = {"members": True, "show-inheritance": True}
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
-napoleon_use_ivar = True
+napoleon_use_ivar = False
 
 
 def _inline(translator: HTML5Translator, node: nodes.math) -> None:
@@ -46,6 +51,27 @@ def _block(translator: HTML5Translator, node: nodes.math_block) -> None:
     raise nodes.SkipNode
 
 
+def _keep_bars(app: Sphinx, what: str, name: str, thing: object, options: object, lines: list[str]):
+    """Take |x| in a docstring for a magnitude, not for a substitution."""
+    for number, line in enumerate(lines):
+        parts = line.split("``")  # every second part is a literal
+        parts[::2] = [part.replace("|", r"\|") for part in parts[::2]]
+        lines[number] = "``".join(parts)
+
+
+def _skip_tuple_fields(
+    app: Sphinx, what: str, name: str, thing: object, skip: bool, options: object
+) -> bool | None:
+    """Leave a named tuple's fields to its docstring."""
+    return True if type(thing).__name__ == "_tuplegetter" else None
+
+
 def setup(app: Sphinx) -> None:
     """Write equations as MathML, which browsers draw without a script from another host."""
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
+    app.connect("autodoc-process-docstring", _keep_bars)
+    app.connect("autodoc-skip-member", _skip_tuple_fields)
+    table = Path(app.srcdir) / "_generated" / "benchmarks.rst"
+    if not table.exists():
+        table.parent.mkdir(exist_ok=True)
+        table.write_text("Not measured on this machine yet.\n", encoding="utf-8")
