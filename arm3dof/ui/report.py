@@ -13,7 +13,7 @@ from arm3dof.ui.page import static_page
 def replay_html(recording: Recording) -> str:
     """Return a page that plays a recording and needs no server and no network."""
     scene = recording_scene(recording)
-    return static_page(scene.window.snapshot(), f"{scene.name} - arm3dof")
+    return static_page(scene.window.snapshot(), f"{scene.name} replay")
 
 
 def write_replay(recording: Recording, path: str | Path) -> Path:

@@ -70,6 +70,42 @@ viewer.controls.addEventListener("start", () => {
   });
 });
 
+// ---- quality: where drawing is slow, what moves is drawn coarser and what rests in full ---------
+
+const quality = {
+  ratios: [1, 0.7, 0.45], // pixels drawn per pixel of the screen, along each side
+  slow: 40, // ms between two frames of a motion
+  still: 1000, // ms without a new frame
+  level: 0, needed: 0, late: 0, last: 0,
+
+  drawn() {
+    const now = performance.now();
+    const interval = now - this.last;
+    this.last = now;
+    if (interval > this.still) return;
+    this.late = interval > this.slow ? this.late + 1 : 0;
+    if (this.late > 4 && this.needed < this.ratios.length - 1) {
+      this.needed += 1;
+      this.late = 0;
+    }
+    this.set(this.needed);
+  },
+
+  rest() { if (performance.now() - this.last > this.still) this.set(0); },
+
+  set(level) {
+    if (level === this.level) return;
+    this.level = level;
+    viewer.renderer.setPixelRatio(window.devicePixelRatio * this.ratios[level]);
+    viewer.set_dirty();
+  },
+};
+viewer.render = function () {
+  MeshCat.Viewer.prototype.render.call(this);
+  quality.drawn();
+};
+setInterval(() => quality.rest(), 250);
+
 // ---- caption ----------------------------------------------------------------------------------
 
 function showCaption(message) {
@@ -189,7 +225,8 @@ $("#play").addEventListener("click", () => player.toggle());
 $("#time").addEventListener("input", (event) => player.seek(Number(event.target.value)));
 $("#speed").addEventListener("change", (event) => { player.speed = Number(event.target.value); });
 document.addEventListener("keydown", (event) => {
-  if (event.target !== document.body || event.ctrlKey || event.altKey || event.metaKey) return;
+  if (event.ctrlKey || event.altKey || event.metaKey || event.target.closest("input, select")) return;
+  if (event.key === " " && event.target.closest("button")) return; // it presses that button
   if (event.key === " ") player.toggle();
   else if (event.key === "ArrowLeft") player.seek(player.frame - 1);
   else if (event.key === "ArrowRight") player.seek(player.frame + 1);

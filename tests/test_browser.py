@@ -1,0 +1,322 @@
+"""The page in a real browser: what it shows is what Pinocchio says, and it keeps to itself."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from browser import POSE_JS, chromium, poses, wait_until
+from playwright.sync_api import Browser, Page
+from runs import TARGET, smooth_run
+from starlette.applications import Starlette
+from starlette.responses import HTMLResponse
+from starlette.routing import Route
+
+from arm3dof.model.library import load_robot
+from arm3dof.model.robot import Robot
+from arm3dof.runtime.recording import Recording
+from arm3dof.ui.meshcat_scene import Scene, recording_scene
+from arm3dof.ui.report import write_replay
+from arm3dof.ui.server import LocalServer, serve
+from arm3dof.ui.shapes import move
+
+pytestmark = pytest.mark.browser
+EXACT = 1e-9
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot()
+
+
+@pytest.fixture(scope="module")
+def run(robot: Robot) -> Recording:
+    return smooth_run(robot, duration=1.5)
+
+
+class Visit:
+    """A page that is open, everything that it asked for, and everything that it complained of."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.requests: list[str] = []
+        self.complaints: list[str] = []
+        page.on("request", lambda request: self.requests.append(request.url))
+        page.on("websocket", lambda socket: self.requests.append(socket.url))
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("console", self._hear)
+
+    def _hear(self, message) -> None:
+        if message.type == "error":
+            self.complaints.append(message.text)
+
+
+@contextmanager
+def visit(browser: Browser, url: str, *, width: int = 1280, height: int = 720) -> Iterator[Visit]:
+    page = browser.new_page(viewport={"width": width, "height": height})
+    page.set_default_timeout(30_000)
+    try:
+        visit = Visit(page)
+        page.goto(url, wait_until="domcontentloaded")
+        yield visit
+    finally:
+        page.close()
+
+
+def barrier(scene: Scene, page: Page, number: int) -> None:
+    """Wait until the page has done everything that was sent before."""
+    scene.window.post(move("/barrier", (number, 0, 0)))
+    wait_until(page, f"viewer.scene_tree.children.barrier?.object.position.x === {number}")
+
+
+def assert_shows(page: Page, robot: Robot, scene: Scene, q: np.ndarray) -> None:
+    links = scene.drawing.link_names
+    for link, found in zip(links, poses(page, [f"/robot/{link}" for link in links]), strict=True):
+        assert_pose(robot, link, q, found)
+
+
+def assert_pose(robot: Robot, link: str, q: np.ndarray, found: list[float] | None) -> None:
+    expected = robot.placement(q, link).homogeneous
+    np.testing.assert_allclose(np.reshape(found, (4, 4)).T, expected, atol=EXACT, err_msg=link)
+
+
+def assert_playing(page: Page, robot: Robot, run: Recording) -> None:
+    """Check every link's pose in many moments of a playing replay, and that it moves."""
+    links = [frame.name for frame in robot.model.frames if str(frame.type) == "BODY"]
+    seen: set[int] = set()
+    while len(seen) < 6:
+        page.evaluate("() => new Promise((done) => requestAnimationFrame(done))")
+        now = page.evaluate(
+            f"(paths) => {{ {POSE_JS} return [player.playing, player.frame, player.fps, "
+            f"paths.map(pose)]; }}",
+            [f"/robot/{link}" for link in links],
+        )
+        playing, frame, fps, found = now
+        assert playing
+        seen.add(frame)
+        q = np.array([np.interp(frame / fps, run.t, column) for column in run.q.T])
+        for link, matrix in zip(links, found, strict=True):
+            assert_pose(robot, link, q, matrix)
+
+
+# ---- the live page -----------------------------------------------------------------------------
+
+
+def test_the_page_shows_every_pose_that_is_sent(browser: Browser, robot: Robot) -> None:
+    scene = Scene(robot)
+    rng = np.random.default_rng(3)
+    with serve(scene.window) as server, visit(browser, server.url) as opened:
+        for number in range(1, 11):
+            q = robot.random_configuration(rng)
+            scene.display(q)
+            barrier(scene, opened.page, number)
+            assert_shows(opened.page, robot, scene, q)
+        assert opened.complaints == []
+        assert opened.requests
+        ours = (server.url, server.url.replace("http", "ws"), "data:")
+        assert all(url.startswith(ours) for url in opened.requests)
+
+
+def test_a_playing_run_is_exact_in_every_moment(
+    browser: Browser, robot: Robot, run: Recording
+) -> None:
+    scene = recording_scene(run)
+    with serve(scene.window) as server, visit(browser, server.url) as opened:
+        page = opened.page
+        wait_until(page, "player.frames > 1")
+        assert_playing(page, robot, run)
+        wait_until(page, "player.frame === player.frames - 1")
+        wait_until(page, "player.frame < player.frames / 2")  # and begins anew
+        assert page.inner_text("#caption h1") == "arm3dof"
+        assert page.inner_text("#verdict").startswith("Settled in ")
+        assert page.locator("#joints tbody tr").count() == 3
+        assert opened.complaints == []
+        scene.display(TARGET)  # a live pose ends the replay
+        barrier(scene, page, 1)
+        assert_shows(page, robot, scene, TARGET)
+        assert page.locator("#transport").is_hidden()
+
+
+def test_a_person_can_pause_scrub_and_look_around(
+    browser: Browser, robot: Robot, run: Recording
+) -> None:
+    scene = recording_scene(run)
+    with serve(scene.window) as server, visit(browser, server.url) as opened:
+        page = opened.page
+        wait_until(page, "player.frames > 1")
+        page.keyboard.press("Space")
+        assert page.get_attribute("#play", "aria-label") == "Play"
+        page.evaluate("player.seek(10)")
+        page.keyboard.press("ArrowRight")
+        page.keyboard.press("ArrowRight")
+        page.keyboard.press("ArrowLeft")
+        assert page.input_value("#time") == "11"
+        assert page.inner_text("#clock").startswith("0.18 / ")
+        q = np.array([np.interp(11 / 60, run.t, column) for column in run.q.T])
+        assert_shows(page, robot, scene, q)
+        eyes = []
+        for name in ("Front", "Side", "Top", "Corner"):
+            page.click(f"#views >> text={name}")
+            eyes.append(tuple(page.evaluate("viewer.camera.position.toArray()")))
+        assert len(set(eyes)) == 4
+        page.keyboard.press("3")
+        assert page.get_attribute("#views button:nth-child(3)", "aria-pressed") == "true"
+        page.click("#views >> text=Scene")
+        assert page.locator(".dg.main").is_visible()
+        page.click("#views >> text=Scene")
+        assert page.locator(".dg.main").is_hidden()
+        page.select_option("#speed", "2")
+        page.click("#play")
+        wait_until(page, "player.playing && player.frame > 20")
+        assert opened.complaints == []
+
+
+def test_the_page_heals_after_a_restart(browser: Browser, robot: Robot, run: Recording) -> None:
+    scene = recording_scene(run)
+    server = serve(scene.window).start()
+    with visit(browser, server.url) as opened:
+        page = opened.page
+        wait_until(page, "player.frames > 1")
+        server.stop()
+        wait_until(page, "!document.querySelector('#status').hidden")
+        assert "Trying again" in page.inner_text("#status")
+        other = Scene(robot)
+        other.display(TARGET)
+        with serve(other.window, server.port):
+            wait_until(page, "document.querySelector('#status').hidden")
+            barrier(other, page, 1)
+            assert_shows(page, robot, other, TARGET)
+            assert poses(page, ["/target", "/path"]) == [None, None]  # of the old scene
+            assert page.locator("#transport").is_hidden()
+
+
+def test_reloads_and_tabs_leave_nothing_behind(browser: Browser, robot: Robot) -> None:
+    scene = Scene(robot)
+    with serve(scene.window) as server:
+        with visit(browser, server.url) as first, visit(browser, server.url) as second:
+            for number in range(1, 5):
+                first.page.reload(wait_until="domcontentloaded")
+                barrier(scene, first.page, number)
+            barrier(scene, second.page, 11)
+            assert scene.window.client_count == 2
+        with visit(browser, server.url) as third:
+            barrier(scene, third.page, 12)
+            assert scene.window.client_count == 1
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
+def test_nothing_overlaps_or_leaves_the_window(
+    browser: Browser, run: Recording, width: int, height: int
+) -> None:
+    with (
+        serve(recording_scene(run).window) as server,
+        visit(browser, server.url, width=width, height=height) as opened,
+    ):
+        wait_until(opened.page, "player.frames > 1")
+        cards = [card.bounding_box() for card in opened.page.locator(".card:visible").all()]
+        assert len(cards) == 4
+        for card in cards:
+            assert card["x"] >= 0
+            assert card["y"] >= 0
+            assert card["x"] + card["width"] <= width
+            assert card["y"] + card["height"] <= height
+        for k, one in enumerate(cards):
+            for two in cards[k + 1 :]:
+                assert (
+                    one["x"] + one["width"] <= two["x"]
+                    or two["x"] + two["width"] <= one["x"]
+                    or one["y"] + one["height"] <= two["y"]
+                    or two["y"] + two["height"] <= one["y"]
+                )
+
+
+# ---- the wall ----------------------------------------------------------------------------------
+
+TRY = """([url, socket]) => Promise.all([
+  fetch(url).then(() => "answered", () => "refused"),
+  new Promise((done) => {
+    const line = new WebSocket(socket);
+    line.onmessage = () => done("answered");
+    line.onclose = () => done("refused");
+  }),
+])"""
+
+
+def test_pages_of_other_sites_get_nothing(browser: Browser, robot: Robot) -> None:
+    async def hello(request: object) -> HTMLResponse:
+        return HTMLResponse("<title>another site</title>")
+
+    scene = Scene(robot)
+    with (
+        serve(scene.window) as server,
+        LocalServer(Starlette(routes=[Route("/", hello)])) as foreign,
+        visit(browser, foreign.url) as opened,
+    ):
+        addresses = [f"{server.url}scene.js", f"ws://127.0.0.1:{server.port}/scene"]
+        assert opened.page.evaluate(TRY, addresses) == ["refused", "refused"]
+        opened.page.goto("about:blank")  # its origin is "null"
+        assert opened.page.evaluate(TRY, addresses) == ["refused", "refused"]
+        assert scene.window.client_count == 0
+
+
+def test_after_a_stop_with_a_page_open_nothing_is_left(browser: Browser, robot: Robot) -> None:
+    threads = set(threading.enumerate())
+    processes = {process.pid for process in psutil.Process().children(recursive=True)}
+    scene = Scene(robot)
+    with serve(scene.window) as server, visit(browser, server.url) as opened:
+        barrier(scene, opened.page, 1)
+        listening = [
+            each.laddr
+            for each in psutil.Process().net_connections("inet")
+            if each.status == psutil.CONN_LISTEN
+        ]
+        assert ("127.0.0.1", server.port) in listening
+        assert {address.ip for address in listening} == {"127.0.0.1"}
+        server.stop()
+        wait_until(opened.page, "!document.querySelector('#status').hidden")
+    assert not [thread for thread in set(threading.enumerate()) - threads if thread.is_alive()]
+    left = {process.pid for process in psutil.Process().children(recursive=True)} - processes
+    assert not [pid for pid in left if "chrom" not in psutil.Process(pid).name()]
+    assert not [
+        each for each in psutil.Process().net_connections() if each.laddr[1:] == (server.port,)
+    ]
+
+
+# ---- the replay as a file ----------------------------------------------------------------------
+
+
+def test_the_file_plays_without_a_server(
+    browser: Browser, robot: Robot, run: Recording, tmp_path: Path
+) -> None:
+    path = write_replay(run, tmp_path / "replay.html")
+    with visit(browser, path.as_uri()) as opened:
+        wait_until(opened.page, "player.frames > 1")
+        assert_playing(opened.page, robot, run)
+        assert opened.page.title() == "arm3dof replay"
+        assert opened.page.inner_text("#verdict").startswith("Settled in ")
+        assert opened.page.locator("#status").is_hidden()
+        assert opened.complaints == []
+        assert [url for url in opened.requests if not url.startswith("data:")] == [path.as_uri()]
+
+
+def test_who_asks_for_less_motion_gets_a_still(browser: Browser, run: Recording) -> None:
+    with (
+        serve(recording_scene(run).window) as server,
+        browser.new_context(reduced_motion="reduce") as context,
+    ):
+        page = context.new_page()
+        page.goto(server.url, wait_until="domcontentloaded")
+        wait_until(page, "player.frames > 1")
+        assert not page.evaluate("player.playing")
+        assert page.locator("#transport").is_visible()
