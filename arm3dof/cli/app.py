@@ -63,9 +63,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _refuse(error.format_message() if isinstance(error, typer.TyperException) else error)
     except OSError as error:
         return _refuse(f"{error.filename or 'system'}: {error.strerror or error}")
-    except (KeyboardInterrupt, typer.Abort):
+    if code == output.INTERRUPTED:  # typer has caught Ctrl-C
         output.err().print("stopped")
-        return output.INTERRUPTED
     return int(code or output.DONE)
 
 

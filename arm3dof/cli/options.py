@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -34,6 +35,21 @@ OutFolder = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder to write into.", show_default=False),
 ]
+
+
+def writable(folder: Path) -> Path:
+    """Make a folder that results will be written to, before the work that yields them.
+
+    Raises:
+        InputError: it cannot be made or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {folder}: {error.strerror}; name a folder to write to") from None
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"--out {folder} is not writable; name a folder that you may write to")
+    return folder
 
 
 def robot_from(source: str, changes: list[str] | None) -> Robot:

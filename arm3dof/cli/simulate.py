@@ -12,7 +12,15 @@ from rich.console import Console
 from rich.markup import escape
 
 from arm3dof.cli import output
-from arm3dof.cli.options import JsonFlag, OutFolder, Overrides, RobotName, numbers, robot_from
+from arm3dof.cli.options import (
+    JsonFlag,
+    OutFolder,
+    Overrides,
+    RobotName,
+    numbers,
+    robot_from,
+    writable,
+)
 from arm3dof.cli.progress import control_steps
 from arm3dof.cli.robots import show_reach
 from arm3dof.cli.units import read_configuration
@@ -78,6 +86,8 @@ def simulate(
     target = _target(arm, start, target_deg, target_m)
     if isinstance(target, Reach):
         return _out_of_reach(arm, target, as_json)
+    if folder is not None:
+        writable(folder)
     with control_steps("simulating", duration, dt) as observer:
         recording = experiment.simulate(
             arm, start, target, settings=settings, duration=duration, observers=[observer]
