@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -13,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from arm3dof.errors import FrameNotFound
+from arm3dof.model.payload import Payload, centre_of_mass
 from arm3dof.state import Array, frozen_array
 
 STANDARD_GRAVITY: tuple[float, ...] = (0.0, 0.0, -9.81)
@@ -52,6 +53,7 @@ class Description:
         package_dirs: folders in which ``package://`` meshes lie.
         locked_joints: joints held fixed, and their positions [rad or m].
         gravity: acceleration of gravity in the base frame [m/s^2].
+        payload: what is fixed to the tool beyond the URDF; ``None`` for nothing.
     """
 
     source: str
@@ -59,6 +61,7 @@ class Description:
     package_dirs: tuple[Path, ...] = ()
     locked_joints: Mapping[str, float] = field(default_factory=dict)
     gravity: tuple[float, ...] = STANDARD_GRAVITY
+    payload: Payload | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "locked_joints", MappingProxyType(dict(self.locked_joints)))
@@ -71,21 +74,24 @@ class Description:
             "package_dirs": [str(folder) for folder in self.package_dirs],
             "locked_joints": dict(self.locked_joints),
             "gravity": list(self.gravity),
+            "payload": None if self.payload is None else self.payload.to_dict(),
         }
 
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Description:
-        """Return the description that ``to_dict`` wrote.
+        """Return the description that ``to_dict`` wrote; without a payload it carries none.
 
         Raises:
             KeyError: a value is missing.
         """
+        payload = values.get("payload")
         return Description(
             source=str(values["source"]),
             urdf=str(values["urdf"]),
             package_dirs=tuple(Path(folder) for folder in values["package_dirs"]),
             locked_joints={name: float(q) for name, q in values["locked_joints"].items()},
             gravity=tuple(float(g) for g in values["gravity"]),
+            payload=None if payload is None else Payload.from_dict(payload),
         )
 
 
@@ -102,7 +108,7 @@ class Robot:
         tool_frame: the frame that is brought to a target.
         damping: viscous friction of each joint, shape (nv,) [N m s/rad].
         friction: Coulomb friction of each joint, shape (nv,) [N m].
-        description: the source and the URDF text that this robot was built from.
+        description: the source, the URDF text and the payload that this robot was built from.
     """
 
     def __init__(
@@ -115,8 +121,7 @@ class Robot:
         friction: ArrayLike,
         description: Description,
     ) -> None:
-        self._model = model
-        self._data = model.createData()
+        self._bare_model = model
         self.name: str = model.name
         self.joint_names: tuple[str, ...] = tuple(model.names[1:])
         self.limits = limits
@@ -124,22 +129,17 @@ class Robot:
         self.friction = frozen_array(friction, model.nv, name="friction")
         self.description = description
         self._frames = _frame_indices(model)
-        self._frame_id(tool_frame)
+        tool = self._frame_id(tool_frame)
         self.tool_frame = tool_frame
+        self._model = model if self.payload is None else self.payload.attach(model, tool)
+        self._data = self._model.createData()
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, joints={list(self.joint_names)}, tool={self.tool_frame!r})"
 
     def clone(self) -> Robot:
         """Return an independent robot with the same model, safe to use in another thread."""
-        return Robot(
-            pin.Model(self._model),
-            limits=self.limits,
-            tool_frame=self.tool_frame,
-            damping=self.damping,
-            friction=self.friction,
-            description=self.description,
-        )
+        return self._carrying(self.payload)
 
     @property
     def model(self) -> pin.Model:
@@ -160,6 +160,31 @@ class Robot:
     def gravity_acceleration(self) -> Array:
         """Gravity in the base frame, shape (3,) [m/s^2]."""
         return np.array(self._model.gravity.linear)
+
+    # ---- payload ---------------------------------------------------------------------------
+
+    @property
+    def payload(self) -> Payload | None:
+        """What is attached to the tool; ``None`` for nothing."""
+        return self.description.payload
+
+    def with_payload(self, mass: float, com: ArrayLike = (0.0, 0.0, 0.0)) -> Robot:
+        """Return a robot that carries a point mass at its tool, instead of what it carries now.
+
+        Its limits and friction stay; this robot is unchanged.
+
+        Args:
+            mass: mass of the payload [kg].
+            com: its place in the tool frame, shape (3,) [m].
+
+        Raises:
+            InputError: the mass is negative or not finite, or ``com`` is not three finite numbers.
+        """
+        return self._carrying(Payload(mass, centre_of_mass(com)))
+
+    def without_payload(self) -> Robot:
+        """Return the robot with nothing attached, its dynamics as they were to the last bit."""
+        return self._carrying(None)
 
     # ---- kinematics ------------------------------------------------------------------------
 
@@ -286,6 +311,16 @@ class Robot:
         low = np.where(np.isfinite(self.limits.q_min), self.limits.q_min, -np.pi)
         high = np.where(np.isfinite(self.limits.q_max), self.limits.q_max, np.pi)
         return rng.uniform(low, high)
+
+    def _carrying(self, payload: Payload | None) -> Robot:
+        return Robot(
+            pin.Model(self._bare_model),
+            limits=self.limits,
+            tool_frame=self.tool_frame,
+            damping=self.damping,
+            friction=self.friction,
+            description=replace(self.description, payload=payload),
+        )
 
     def _vector(self, values: ArrayLike, name: str) -> Array:
         return frozen_array(values, self.nv, name=name)
