@@ -28,6 +28,9 @@ def run_loop(
 ) -> Recording:
     """Drive a plant from its present state towards a target and record every plant step.
 
+    The controller is told what the plant measures. The recording holds the true states, and the
+    torques that the motors truly gave; behind a delay they are the controller's of some time ago.
+
     Args:
         plant: the arm; its state is the start.
         controller: asked every ``controller.dt``; its torque is held in between.
@@ -54,14 +57,15 @@ def run_loop(
     state = plant.state
     for row in range(rows):
         if row % hold == 0:
-            answer = controller.step(state, q_target)
+            measured = plant.measure()
+            answer = controller.step(measured, q_target)
             step_time[row] = answer.solve_time
             for observe in observers:
-                observe(state, answer)
+                observe(measured, answer)
         t[row], q[row], v[row] = state.t, state.q, state.v
-        tau[row], u[row] = answer.tau, answer.u
-        status[row], source[row] = answer.status, answer.source
+        u[row], status[row], source[row] = answer.u, answer.status, answer.source
         state = plant.step(answer.tau)
+        tau[row] = plant.applied_torque
     return Recording(
         t=t,
         q=q,

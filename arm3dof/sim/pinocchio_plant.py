@@ -42,17 +42,12 @@ class PinocchioPlant:
         """
         if not (np.isfinite(dt) and dt > 0):
             raise InputError(f"dt is {dt!r}; give a positive number of seconds")
-        self.robot = robot.clone()
         self._dt = float(dt)
-        self._model, self._data = self.robot.model, self.robot.model.createData()
-        stiff = self._has_stiff_damping()
-        none = np.zeros(robot.nv)
-        self._explicit_damping = none if stiff else self.robot.damping
-        self._implicit_damping = self.robot.damping if stiff else none
-        self._rubs = stiff or bool(self.robot.friction.any())
+        self._simulate(robot)
         middle = self.robot.limits.q_min / 2 + self.robot.limits.q_max / 2
         self._q = np.where(np.isfinite(middle), middle, 0.0)
         self._v = np.zeros(robot.nv)
+        self._applied = frozen_array(np.zeros(robot.nv), None, name="tau")
         self._t0, self._steps = 0.0, 0
 
     @property
@@ -64,6 +59,15 @@ class PinocchioPlant:
     def state(self) -> JointState:
         """The present state."""
         return JointState(self._t0 + self._steps * self._dt, self._q, self._v)
+
+    @property
+    def applied_torque(self) -> Array:
+        """The torque of the last step, shape (nv,) [N m]; zero before the first."""
+        return self._applied
+
+    def measure(self) -> JointState:
+        """Return the present state: these sensors are perfect."""
+        return self.state
 
     def reset(self, state: JointState) -> JointState:
         """Place the arm in a state and return it.
@@ -78,45 +82,95 @@ class PinocchioPlant:
             )
         self._t0, self._steps = state.t, 0
         self._q, self._v = np.array(state.q), np.array(state.v)
+        self._applied = frozen_array(np.zeros(self.robot.nv), None, name="tau")
         return self.state
 
-    def step(self, tau: ArrayLike) -> JointState:
+    def step(
+        self,
+        tau: ArrayLike,
+        *,
+        external_torque: ArrayLike | None = None,
+        tool_wrench: ArrayLike | None = None,
+    ) -> JointState:
         """Hold a torque for ``dt`` and return the state after it.
 
         Args:
-            tau: torque, shape (nv,) [N m].
+            tau: torque of the motors, shape (nv,) [N m].
+            external_torque: torque that the surroundings add at the joints, shape (nv,) [N m].
+            tool_wrench: force [N] and torque [N m] on the tool in base axes, shape (6,); it is
+                held while the tool moves.
 
         Raises:
-            InputError: the torque has another shape or is not finite.
+            InputError: a torque or the wrench has another shape or is not finite.
         """
-        torque = frozen_array(tau, self.robot.nv, name="tau")
-        if not np.isfinite(torque).all():
-            raise InputError(f"tau is {torque}; a plant takes finite torques")
-        q, v = self._runge_kutta(torque)
+        applied = _finite(tau, self.robot.nv, "tau")
+        torque, wrench = applied, None
+        if external_torque is not None:
+            torque = applied + _finite(external_torque, self.robot.nv, "external_torque")
+        if tool_wrench is not None:
+            wrench = _finite(tool_wrench, 6, "tool_wrench")
+        q, v = self._runge_kutta(torque, wrench)
         if self._rubs:
             v = self._rub(v)
             q = self._q + self._dt / 2 * (self._v + v)
-        self._q, self._v = q, v
+        self._q, self._v, self._applied = q, v, applied
         self._steps += 1
         return self.state
+
+    def displace(self, change: ArrayLike) -> JointState:
+        """Move the joints at once, with their velocities as they are, and return the state.
+
+        Args:
+            change: what is added to the positions, shape (nv,) [rad].
+
+        Raises:
+            InputError: the change has another shape or is not finite.
+        """
+        self._q = self._q + _finite(change, self.robot.nv, "change")
+        return self.state
+
+    def change_robot(self, robot: Robot) -> None:
+        """Go on with another robot of as many joints, such as one that took up a payload.
+
+        Time, positions and velocities stay as they are.
+
+        Raises:
+            InputError: the robot has another number of joints.
+        """
+        if robot.nv != self.robot.nv:
+            raise InputError(
+                f"{robot.name} has {robot.nv} joints; this plant goes on with {self.robot.nv}"
+            )
+        self._simulate(robot)
 
     def energy(self) -> float:
         """Return the mechanical energy of the present state [J]."""
         return float(pin.computeMechanicalEnergy(self._model, self._data, self._q, self._v))
 
-    def _acceleration(self, q: Array, v: Array, tau: Array) -> Array:
+    def _simulate(self, robot: Robot) -> None:
+        self.robot = robot.clone()
+        self._model, self._data = self.robot.model, self.robot.model.createData()
+        stiff = self._has_stiff_damping()
+        none = np.zeros(robot.nv)
+        self._explicit_damping = none if stiff else self.robot.damping
+        self._implicit_damping = self.robot.damping if stiff else none
+        self._rubs = stiff or bool(self.robot.friction.any())
+
+    def _acceleration(self, q: Array, v: Array, tau: Array, wrench: Array | None) -> Array:
         net = tau - self._explicit_damping * v
+        if wrench is not None:
+            net = net + self.robot.jacobian(q).T @ wrench
         return np.array(pin.aba(self._model, self._data, q, v, net))
 
-    def _runge_kutta(self, tau: Array) -> tuple[Array, Array]:
+    def _runge_kutta(self, tau: Array, wrench: Array | None) -> tuple[Array, Array]:
         q, v, h = self._q, self._v, self._dt
-        a1 = self._acceleration(q, v, tau)
+        a1 = self._acceleration(q, v, tau, wrench)
         v2 = v + h / 2 * a1
-        a2 = self._acceleration(q + h / 2 * v, v2, tau)
+        a2 = self._acceleration(q + h / 2 * v, v2, tau, wrench)
         v3 = v + h / 2 * a2
-        a3 = self._acceleration(q + h / 2 * v2, v3, tau)
+        a3 = self._acceleration(q + h / 2 * v2, v3, tau, wrench)
         v4 = v + h * a3
-        a4 = self._acceleration(q + h * v3, v4, tau)
+        a4 = self._acceleration(q + h * v3, v4, tau, wrench)
         return q + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
     def _rub(self, free: Array) -> Array:
@@ -152,3 +206,10 @@ class PinocchioPlant:
             for q in poses
         ]
         return float(np.abs(rates).max()) * self._dt > _FASTEST_EXPLICIT_DECAY
+
+
+def _finite(values: ArrayLike, size: int, name: str) -> Array:
+    array = frozen_array(values, size, name=name)
+    if not np.isfinite(array).all():
+        raise InputError(f"{name} is {array}; a plant takes finite numbers")
+    return array

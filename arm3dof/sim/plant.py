@@ -7,7 +7,7 @@ from typing import Protocol
 from numpy.typing import ArrayLike
 
 from arm3dof.model.robot import Robot
-from arm3dof.state import JointState
+from arm3dof.state import Array, JointState
 
 
 class Plant(Protocol):
@@ -23,10 +23,17 @@ class Plant(Protocol):
 
     @property
     def state(self) -> JointState:
-        """The present state."""
+        """The present state, as it truly is."""
+
+    @property
+    def applied_torque(self) -> Array:
+        """What the motors gave in the last step, shape (nv,) [N m]; zero before the first."""
 
     def reset(self, state: JointState) -> JointState:
         """Place the arm in a state and return it."""
 
     def step(self, tau: ArrayLike) -> JointState:
         """Hold a torque, shape (nv,) [N m], for ``dt`` and return the state after it."""
+
+    def measure(self) -> JointState:
+        """Return the present state as the sensors tell it; asked twice, the same."""
