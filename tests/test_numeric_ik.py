@@ -225,6 +225,7 @@ def test_arms_with_fewer_joints_than_coordinates(count):
     arm = chain(*joints[:count])
     q = np.array([0.4, -0.7])[:count]
     p = arm.placement(q).translation
+    assert arm.jacobian(q).shape == (6, count)
     answer = inverse_kinematics(arm, p)
     check_reached(arm, p, answer)
     assert np.abs(answer.solutions - q).max(axis=1).min() < 1e-6

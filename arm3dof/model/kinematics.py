@@ -88,7 +88,7 @@ def closed_form_reach(
     branches, q = _distinct(points.q[0], special)
     free = [joint for joint, kind in enumerate(_FREE_JOINT_KINDS) if kind in special]
     q[:, free] = np.clip(reference, limits.q_min, limits.q_max)[free]
-    q, within = _into_limits(geometry, limits, q, reference)
+    q, within = _choose_turns(geometry, limits, q, reference)
     effort = np.zeros(len(q)) if near is None else np.linalg.norm(q - near, axis=1)
     order = np.lexsort((effort, ~within))
     outside = excess(q, limits.q_min, limits.q_max)
@@ -131,7 +131,7 @@ def _distinct(q: Array, special: tuple[Singularity, ...]) -> tuple[list[str], Ar
     return [names[row] for row in rows], q[rows]
 
 
-def _into_limits(
+def _choose_turns(
     geometry: DhGeometry, limits: Limits, q: Array, reference: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Choose the turn of every joint, and return which solutions are inside the limits.

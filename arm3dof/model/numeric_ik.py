@@ -50,7 +50,8 @@ def search_reach(robot: Robot, p: Array, near: Array | None = None) -> Reach:
     """Look for joint positions inside the limits that bring the tool to one finite point.
 
     The search is deterministic. What it finds is exact; that it finds nothing, and that no point
-    is nearer than ``nearest``, are verdicts of 16 searches, not proofs.
+    is nearer than ``nearest``, are verdicts of 16 searches, not proofs. The distance is that of a
+    minimum to about 1e-5 m.
 
     Args:
         robot: any robot.

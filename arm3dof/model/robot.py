@@ -215,11 +215,10 @@ class Robot:
             InputError: ``q`` has another shape.
         """
         index = self._frame_id(frame or self.tool_frame)
-        return np.array(
-            pin.computeFrameJacobian(
-                self._model, self._data, self._vector(q, "q"), index, pin.LOCAL_WORLD_ALIGNED
-            )
+        jacobian = pin.computeFrameJacobian(
+            self._model, self._data, self._vector(q, "q"), index, pin.LOCAL_WORLD_ALIGNED
         )
+        return np.array(jacobian).reshape(6, self.nv)  # of one joint, Pinocchio makes a vector
 
     # ---- dynamics --------------------------------------------------------------------------
 
