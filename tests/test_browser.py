@@ -241,6 +241,23 @@ def test_nothing_overlaps_or_leaves_the_window(
                 )
 
 
+def test_a_slow_machine_draws_motion_coarser_and_rest_in_full(
+    browser: Browser, run: Recording
+) -> None:
+    with (
+        serve(recording_scene(run).window) as server,
+        visit(browser, server.url, width=320, height=240) as opened,
+    ):
+        page = opened.page
+        wait_until(page, "player.frames > 1")
+        page.evaluate("quality.slow = 0")  # every frame comes too late
+        wait_until(page, "quality.level === quality.ratios.length - 1")
+        assert page.evaluate("viewer.renderer.getPixelRatio()") < 0.5
+        page.keyboard.press("Space")
+        wait_until(page, "quality.level === 0")
+        assert page.evaluate("viewer.renderer.getPixelRatio()") == 1
+
+
 # ---- the wall ----------------------------------------------------------------------------------
 
 TRY = """([url, socket]) => Promise.all([

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import logging
 import os
 import socket
 import threading
@@ -25,6 +26,9 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from arm3dof.errors import ArmError, InputError
 from arm3dof.ui.guard import LoopbackGuard
 from arm3dof.ui.meshcat_window import MeshcatWindow
+
+# A broken frame from a client is no news for the terminal; who configures logging still gets it.
+logging.getLogger("uvicorn").addHandler(logging.NullHandler())
 
 HOST = "127.0.0.1"
 MAX_PORT = 65535

@@ -124,6 +124,12 @@ function showCaption(message) {
   card.hidden = false;
 }
 
+// A number with some digits, and never "-0.00".
+function fixed(value, digits) {
+  const text = value.toFixed(digits);
+  return Number(text) === 0 ? (0).toFixed(digits) : text;
+}
+
 // ---- replay: poses of links at a fixed rate, shown frame by frame in double precision ---------
 
 const player = {
@@ -211,8 +217,8 @@ const player = {
       return (at) => {
         const tau = this.message.torque[at];
         const share = Math.max(-1, Math.min(1, tau / joint.limit)) || 0;
-        angle.textContent = `${this.message.position[at].toFixed(1)} ${joint.unit}`;
-        torque.textContent = `${tau.toFixed(2)} ${joint.effort}`;
+        angle.textContent = `${fixed(this.message.position[at], 1)} ${joint.unit}`;
+        torque.textContent = `${fixed(tau, 2)} ${joint.effort}`;
         fill.style.left = `${50 + Math.min(0, 50 * share)}%`;
         fill.style.width = `${Math.abs(50 * share)}%`;
         fill.classList.toggle("hot", Math.abs(share) > 0.95);
