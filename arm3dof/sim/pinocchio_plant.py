@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from arm3dof.errors import InputError
 from arm3dof.model.robot import Robot
-from arm3dof.state import Array, JointState, frozen_array
+from arm3dof.sim.plant import finite_vector
+from arm3dof.state import Array, JointState
 
 _FASTEST_EXPLICIT_DECAY = 0.5  # damping that decays more than this share of a step is stiff
 _FRICTION_SWEEPS = 100
@@ -47,7 +48,7 @@ class PinocchioPlant:
         middle = self.robot.limits.q_min / 2 + self.robot.limits.q_max / 2
         self._q = np.where(np.isfinite(middle), middle, 0.0)
         self._v = np.zeros(robot.nv)
-        self._applied = frozen_array(np.zeros(robot.nv), None, name="tau")
+        self._applied = finite_vector(np.zeros(robot.nv), robot.nv, "tau")
         self._t0, self._steps = 0.0, 0
 
     @property
@@ -82,7 +83,7 @@ class PinocchioPlant:
             )
         self._t0, self._steps = state.t, 0
         self._q, self._v = np.array(state.q), np.array(state.v)
-        self._applied = frozen_array(np.zeros(self.robot.nv), None, name="tau")
+        self._applied = finite_vector(np.zeros(self.robot.nv), self.robot.nv, "tau")
         return self.state
 
     def step(
@@ -103,12 +104,12 @@ class PinocchioPlant:
         Raises:
             InputError: a torque or the wrench has another shape or is not finite.
         """
-        applied = _finite(tau, self.robot.nv, "tau")
+        applied = finite_vector(tau, self.robot.nv, "tau")
         torque, wrench = applied, None
         if external_torque is not None:
-            torque = applied + _finite(external_torque, self.robot.nv, "external_torque")
+            torque = applied + finite_vector(external_torque, self.robot.nv, "external_torque")
         if tool_wrench is not None:
-            wrench = _finite(tool_wrench, 6, "tool_wrench")
+            wrench = finite_vector(tool_wrench, 6, "tool_wrench")
         q, v = self._runge_kutta(torque, wrench)
         if self._rubs:
             v = self._rub(v)
@@ -126,7 +127,7 @@ class PinocchioPlant:
         Raises:
             InputError: the change has another shape or is not finite.
         """
-        self._q = self._q + _finite(change, self.robot.nv, "change")
+        self._q = self._q + finite_vector(change, self.robot.nv, "change")
         return self.state
 
     def change_robot(self, robot: Robot) -> None:
@@ -206,10 +207,3 @@ class PinocchioPlant:
             for q in poses
         ]
         return float(np.abs(rates).max()) * self._dt > _FASTEST_EXPLICIT_DECAY
-
-
-def _finite(values: ArrayLike, size: int, name: str) -> Array:
-    array = frozen_array(values, size, name=name)
-    if not np.isfinite(array).all():
-        raise InputError(f"{name} is {array}; a plant takes finite numbers")
-    return array
