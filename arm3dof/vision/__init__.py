@@ -1,0 +1,1 @@
+"""The eye: from a picture to points in the base frame."""

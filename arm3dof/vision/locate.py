@@ -1,0 +1,372 @@
+"""From a blob's width to depth, to a point in the base frame, and to how far off it may be."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm3dof.errors import InputError
+from arm3dof.state import Array, frozen_array
+from arm3dof.vision.camera import Camera
+from arm3dof.vision.colour import (
+    Blob,
+    BlobSettings,
+    ColourTarget,
+    HsvRange,
+    Image,
+    Shape,
+    blobs_in,
+    blurred_hsv,
+    check_image,
+    find_blobs,
+)
+from arm3dof.vision.outline import Extent, extent, trace
+
+# what light and shade do to an edge beyond the noise that shows in it [px]
+_EDGE_SIGMA_PX = 0.13
+# a ball's width and height may give depths that differ by this share
+_ROUNDNESS = 0.12
+
+
+class Refusal(enum.Enum):
+    """Why a patch of the right colour is not measured."""
+
+    BORDER = "it touches the edge of the picture, so its width is not seen whole"
+    THIN = "it is too thin to measure"
+    PARTIAL = "it is not as high as it is wide, as if something hid a part of the ball"
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A patch of a target's colour that is not measured rather than measured wrong.
+
+    Attributes:
+        target: name of the target.
+        box_px: colour frame (u, v, width, height) [px].
+        reason: why.
+    """
+
+    target: str
+    box_px: tuple[int, int, int, int]
+    reason: Refusal
+
+
+@dataclass(frozen=True, eq=False)
+class Located:
+    """An object that was found, and where.
+
+    Attributes:
+        target: name of the target.
+        box_px: the colour frame (u, v, width, height) [px].
+        outline_px: the depth frame (left, top, right, bottom) of the measured outline [px].
+        depth_m: distance of the object's centre along the optical axis [m].
+        depth_sigma_m: its standard deviation [m].
+        p_camera: centre in the optical frame, shape (3,) [m].
+        p_base: centre in the base frame, shape (3,) [m].
+        covariance_base: covariance of ``p_base``, shape (3, 3) [m^2].
+    """
+
+    target: str
+    box_px: tuple[int, int, int, int]
+    outline_px: tuple[float, float, float, float]
+    depth_m: float
+    depth_sigma_m: float
+    p_camera: Array
+    p_base: Array
+    covariance_base: Array
+
+    def __post_init__(self) -> None:
+        for name in ("p_camera", "p_base"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), 3, name=name))
+        covariance = frozen_array(self.covariance_base, 3, 3, name="covariance_base")
+        object.__setattr__(self, "covariance_base", covariance)
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation of the point in its least certain direction [m]."""
+        return math.sqrt(max(float(np.linalg.eigvalsh(self.covariance_base)[-1]), 0.0))
+
+
+@dataclass(frozen=True)
+class View:
+    """All that the eye made of one picture.
+
+    Attributes:
+        located: the objects that were measured, the largest first.
+        refused: patches of a target's colour that were not, and why.
+    """
+
+    located: tuple[Located, ...]
+    refused: tuple[Refused, ...]
+
+
+@dataclass(frozen=True)
+class FocalReference:
+    """A focal length from one reference picture, by (1).
+
+    Attributes:
+        focal_px: focal length [px].
+        sigma_px: its standard deviation from the measured width alone [px].
+        width_px: measured width of the object [px].
+        box_px: its colour frame (u, v, width, height) [px].
+    """
+
+    focal_px: float
+    sigma_px: float
+    width_px: float
+    box_px: tuple[int, int, int, int]
+
+
+def focal_length(
+    width_px: float, distance_m: float, width_m: float, shape: Shape = "flat"
+) -> float:
+    """Compute the focal length from one known view, F = P D / W, equation (1).
+
+    Args:
+        width_px: measured width P [px].
+        distance_m: distance D along the optical axis, to the centre of what is round [m].
+        width_m: true width W [m].
+        shape: for a ball or a cylinder W is the width of the silhouette,
+            W / sqrt(1 - (W / 2D)^2).
+
+    Returns:
+        Focal length F [px].
+
+    Raises:
+        InputError: a length is not positive, or the camera would be inside the object.
+    """
+    silhouette = _silhouette(width_px, distance_m, width_m, shape)
+    return width_px * distance_m / silhouette
+
+
+def depth_from_width(width_px: float, focal_px: float, width_m: float) -> float:
+    """Compute a flat object's depth from its width in the picture, D' = W' F / P, equation (2).
+
+    Args:
+        width_px: measured width P [px].
+        focal_px: focal length F [px].
+        width_m: true width W' [m].
+
+    Returns:
+        Depth D' [m].
+
+    Raises:
+        InputError: a length is not positive.
+    """
+    _require_positive(width_px=width_px, focal_px=focal_px, width_m=width_m)
+    return width_m * focal_px / width_px
+
+
+def focal_from_picture(
+    image: NDArray[np.generic],
+    hsv_range: HsvRange,
+    distance_m: float,
+    width_m: float,
+    *,
+    shape: Shape = "flat",
+    settings: BlobSettings | None = None,
+) -> FocalReference | None:
+    """Measure the focal length from a picture of one object at a known distance.
+
+    The object is the largest patch of the colour that does not touch the border.
+
+    Args:
+        image: BGR picture, shape (h, w, 3), uint8.
+        hsv_range: the object's colour.
+        distance_m: distance along the optical axis [m].
+        width_m: true width [m].
+        shape: what ``width_m`` is the width of, as in ``ColourTarget``.
+        settings: how pixels become blobs.
+
+    Returns:
+        The reference, or None when no whole object of the colour is seen.
+
+    Raises:
+        InputError: the picture is not one, or a length is not positive.
+    """
+    picture = check_image(image)
+    _silhouette(1.0, distance_m, width_m, shape)
+    for blob in find_blobs(picture, hsv_range, settings):
+        points = None if blob.touches_border else trace(picture, blob)
+        if points is not None:
+            width = extent(points[:, 0], points[:, 1], 1.0)
+            focal = focal_length(width.size, distance_m, width_m, shape)
+            sigma = focal * math.sqrt(2) * math.hypot(width.sigma, _EDGE_SIGMA_PX) / width.size
+            return FocalReference(focal, sigma, width.size, blob.box_px)
+    return None
+
+
+def look(
+    image: NDArray[np.generic],
+    camera: Camera,
+    targets: Iterable[ColourTarget] | Mapping[str, ColourTarget],
+    settings: BlobSettings | None = None,
+) -> View:
+    """Find and measure every object of the targets' colours.
+
+    Args:
+        image: BGR picture of the camera's size, shape (h, w, 3), uint8.
+        camera: the camera that took it.
+        targets: what to look for.
+        settings: how pixels become blobs.
+
+    Returns:
+        What was located and what was refused, each with the largest patches first.
+
+    Raises:
+        InputError: the picture is not one, or not of the camera's size.
+    """
+    picture = check_image(image)
+    height, width = picture.shape[:2]
+    if (width, height) != (camera.width, camera.height):
+        raise InputError(
+            f"the picture is {width} x {height} px and the camera is calibrated for "
+            f"{camera.width} x {camera.height}; take the picture at that size, or calibrate anew"
+        )
+    settings = settings or BlobSettings()
+    wanted = targets.values() if isinstance(targets, Mapping) else targets
+    hsv = blurred_hsv(picture, settings.blur_px)
+    found = [(blob, target) for target in wanted for blob in blobs_in(hsv, target.hsv, settings)]
+    found.sort(key=lambda pair: -pair[0].area_px)
+    results = [locate(picture, camera, blob, target) for blob, target in found]
+    return View(
+        tuple(result for result in results if isinstance(result, Located)),
+        tuple(result for result in results if isinstance(result, Refused)),
+    )
+
+
+def see(
+    image: NDArray[np.generic],
+    camera: Camera,
+    targets: Iterable[ColourTarget] | Mapping[str, ColourTarget],
+    settings: BlobSettings | None = None,
+) -> tuple[Located, ...]:
+    """Return the objects that ``look`` locates, the largest first."""
+    return look(image, camera, targets, settings).located
+
+
+def locate(image: Image, camera: Camera, blob: Blob, target: ColourTarget) -> Located | Refused:
+    """Measure one blob.
+
+    Args:
+        image: BGR picture, shape (h, w, 3).
+        camera: the camera that took it.
+        blob: a patch of the target's colour in it.
+        target: what the patch is taken for.
+
+    Returns:
+        Where its centre is, or why that cannot be said.
+    """
+    if blob.touches_border:
+        return Refused(target.name, blob.box_px, Refusal.BORDER)
+    points = trace(image, blob)
+    if points is None:
+        return Refused(target.name, blob.box_px, Refusal.THIN)
+    rays = camera.rays(points)
+    pixel = 1 / camera.focal_px[0]
+    match target.shape:
+        case "flat":
+            found = _flat(rays, target.width_m, pixel)
+        case "ball":
+            ball = _ball(rays, target.width_m, pixel)
+            if ball is None:
+                return Refused(target.name, blob.box_px, Refusal.PARTIAL)
+            found = ball
+        case "cylinder":
+            found = _cylinder(rays, target.width_m, pixel, camera.up)
+    p_camera, width = found
+    edge = math.hypot(width.sigma, _EDGE_SIGMA_PX * pixel)
+    relative = math.hypot(math.sqrt(2) * edge / width.size, target.width_sigma_m / target.width_m)
+    depth = float(p_camera[2])
+    ray = p_camera / depth
+    aside = depth * edge / math.sqrt(2)
+    covariance = (depth * relative) ** 2 * np.outer(ray, ray) + np.diag([aside**2, aside**2, 0.0])
+    rotation = camera.transform_base_camera[:3, :3]
+    left, top = points.min(axis=0)
+    right, bottom = points.max(axis=0)
+    return Located(
+        target=target.name,
+        box_px=blob.box_px,
+        outline_px=(float(left), float(top), float(right), float(bottom)),
+        depth_m=depth,
+        depth_sigma_m=depth * relative,
+        p_camera=p_camera,
+        p_base=camera.to_base(p_camera),
+        covariance_base=rotation @ covariance @ rotation.T,
+    )
+
+
+def _flat(rays: Array, width_m: float, pixel: float) -> tuple[Array, Extent]:
+    """Place a face that is parallel to the picture: (2) with W' / (P / F) written in rays."""
+    across = extent(rays[:, 0], rays[:, 1], pixel)
+    down = extent(rays[:, 1], rays[:, 0], pixel)
+    return np.array([across.middle, down.middle, 1.0]) * (width_m / across.size), across
+
+
+def _ball(rays: Array, width_m: float, pixel: float) -> tuple[Array, Extent] | None:
+    """Place a ball by the four planes through the lens that touch it, or refuse half a ball.
+
+    Seen along the picture's y axis the ball is a circle of radius W / 2. Lines of sight to its
+    left and right edges touch that circle; half the angle between them is alpha, and
+    sin(alpha) = (W / 2) / rho gives the distance rho to its centre. Likewise along the x axis.
+    """
+    across = extent(np.arctan(rays[:, 0]), rays[:, 1], pixel)
+    down = extent(np.arctan(rays[:, 1]), rays[:, 0], pixel)
+    depth = width_m / 2 / math.sin(across.size / 2) * math.cos(across.middle)
+    again = width_m / 2 / math.sin(down.size / 2) * math.cos(down.middle)
+    if abs(math.log(again / depth)) > _ROUNDNESS:
+        return None
+    return depth * np.array([math.tan(across.middle), math.tan(down.middle), 1.0]), across
+
+
+def _cylinder(rays: Array, width_m: float, pixel: float, up: Array) -> tuple[Array, Extent]:
+    """Place an upright cylinder by the two upright planes that touch it, and by its rims."""
+    sight = rays.mean(axis=0)
+    sight /= np.linalg.norm(sight)
+    slant = math.acos(min(abs(float(up @ sight)), 1.0))
+    spread = math.acos(float((rays @ sight / np.linalg.norm(rays, axis=1)).min()))
+    if slant < 1.2 * spread:
+        # from above, its top is a disc that faces the camera, and its sides tell nothing
+        return _flat(rays, width_m, pixel)
+    ahead = sight - up * float(up @ sight)
+    ahead /= np.linalg.norm(ahead)
+    aside = np.cross(ahead, up)
+    level = np.hypot(rays @ ahead, rays @ aside)
+    bearing = np.arctan2(rays @ aside, rays @ ahead)
+    elevation = np.arctan2(rays @ up, level)
+    unit = pixel / float(level.mean())
+    across = extent(bearing, elevation, unit)
+    along = extent(elevation, bearing, unit)
+    radius = width_m / 2
+    rho = radius / math.sin(across.size / 2)
+    # of a rim below the lens the near side looks lowest and the far side highest
+    low = math.tan(along.low) * (rho - math.copysign(radius, -along.low))
+    high = math.tan(along.high) * (rho - math.copysign(radius, along.high))
+    direction = ahead * math.cos(across.middle) + aside * math.sin(across.middle)
+    p_camera: Array = rho * direction + up * (low + high) / 2
+    return p_camera, across
+
+
+def _silhouette(width_px: float, distance_m: float, width_m: float, shape: Shape) -> float:
+    """Return the width of a flat thing at the same distance that looks as wide."""
+    _require_positive(width_px=width_px, distance_m=distance_m, width_m=width_m)
+    if shape == "flat":
+        return width_m
+    sine = width_m / 2 / distance_m
+    if sine >= 1:
+        raise InputError(
+            f"distance_m is {distance_m} and width_m is {width_m}; "
+            "give the distance to the object's centre, which is more than half its width"
+        )
+    return width_m / math.sqrt(1 - sine * sine)
+
+
+def _require_positive(**lengths: float) -> None:
+    for name, value in lengths.items():
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"{name} is {value}; give a finite length above 0")
