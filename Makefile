@@ -50,14 +50,15 @@ docs: $(DOCS)  ## the manual, in docs/_build/html; a warning is an error
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
 	@echo "open docs/_build/html/index.html"
 
-bench: $(DEV)  ## measure, print the tables, and write them where the docs show them
+bench: $(DEV)  ## measure, in turns with the peers, and print and keep the tables (ARGS=--quick: ours alone)
+	@$(if $(findstring --quick,$(ARGS)),,$(PYTHON) benchmarks/peers/install.py)
 	$(BIN)/python -m benchmarks $(ARGS)
 
 images: $(DEV)  ## draw the pictures that the README and the docs show
 	$(BIN)/python tools/make_images.py
 
-clean:  ## remove .venv and everything that was built
-	rm -rf .venv build dist out docs/_build docs/_generated .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+clean:  ## remove the environments and everything that was built
+	rm -rf .venv .venv-peers build dist out docs/_build docs/_generated .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BASE): pyproject.toml constraints.txt tools/bootstrap.py
