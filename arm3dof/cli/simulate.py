@@ -12,6 +12,16 @@ from rich.console import Console
 from rich.markup import escape
 
 from arm3dof.cli import output
+from arm3dof.cli.disturb import (
+    DelayMs,
+    Disturbances,
+    ModelError,
+    NoiseDeg,
+    PayloadKg,
+    Pushes,
+    Seed,
+    Wrenches,
+)
 from arm3dof.cli.options import (
     JsonFlag,
     OutFolder,
@@ -70,13 +80,22 @@ def simulate(
     duration: Annotated[
         float, typer.Option(metavar="S", help="Simulated seconds.")
     ] = experiment.PAPER_DURATION,
+    payload_kg: PayloadKg = 0.0,
+    pushes: Pushes = None,
+    wrenches: Wrenches = None,
+    model_error: ModelError = 0.0,
+    noise_deg: NoiseDeg = 0.0,
+    delay_ms: DelayMs = 0.0,
+    seed: Seed = 0,
     folder: OutFolder = None,
     as_json: JsonFlag = False,
 ) -> int:
     """Drive a robot to a target under model predictive control, in simulation.
 
-    Without options this is the paper's experiment. With --out it writes the recording (run.npz),
-    the paper's four figures and summary.json. The answer is no when the arm does not settle.
+    Without options this is the paper's experiment. The controller is told of no payload, push,
+    wrench, model error, noise or delay: they befall the simulated arm alone. With --out it writes
+    the recording (run.npz), the paper's four figures and summary.json. The answer is no when the
+    arm does not settle.
     """
     arm = robot_from(robot, changes)
     settings = MpcSettings(horizon=horizon, dt=dt)
@@ -86,11 +105,22 @@ def simulate(
     target = _target(arm, start, target_deg, target_m)
     if isinstance(target, Reach):
         return _out_of_reach(arm, target, as_json)
+    disturbances = Disturbances(
+        payload_kg, pushes or (), wrenches or (), model_error, noise_deg, delay_ms, seed
+    )
+    make_plant = disturbances.plant_of(arm, duration)
     if folder is not None:
         writable(folder)
     with control_steps("simulating", duration, dt) as observer:
         recording = experiment.simulate(
-            arm, start, target, settings=settings, duration=duration, observers=[observer]
+            arm,
+            start,
+            target,
+            settings=settings,
+            duration=duration,
+            observers=[observer],
+            notes=disturbances.notes(),
+            make_plant=make_plant,
         )
     metrics = summarise(recording)
     files = [] if folder is None else write_run(recording, metrics, folder)

@@ -45,5 +45,10 @@ def _per_radian(robot: Robot) -> Array:
     return np.where(slides, 1.0, np.rad2deg(1.0))
 
 
+def from_degrees(robot: Robot, joint: int, value: float) -> float:
+    """Return one joint's position [rad] from degrees (metres for a sliding joint)."""
+    return value / float(_per_radian(robot)[joint])
+
+
 def _slides(robot: Robot, joint: int) -> bool:
     return str(robot.model.joints[joint + 1].shortname()).startswith("JointModelP")

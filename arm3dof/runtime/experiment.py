@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from arm3dof.model.robot import Robot
 from arm3dof.runtime.loop import Observer, run_loop
 from arm3dof.runtime.recording import Recording
 from arm3dof.sim.pinocchio_plant import PinocchioPlant
+from arm3dof.sim.plant import Plant
 from arm3dof.state import Array, JointState
 
 PAPER_TARGET_DEG = (28.1, 67.8, 53.8)
@@ -24,6 +25,9 @@ _PLANT_DT = (
 )
 _DEFAULT_MOVE = np.deg2rad(30.0)
 
+PlantFactory = Callable[[Robot, float], Plant]
+"""Makes the plant that stands in for a robot, from the robot and the time of a step [s]."""
+
 
 def simulate(
     robot: Robot,
@@ -34,6 +38,7 @@ def simulate(
     duration: float = PAPER_DURATION,
     observers: Sequence[Observer] = (),
     notes: Mapping[str, str] | None = None,
+    make_plant: PlantFactory = PinocchioPlant,
 ) -> Recording:
     """Drive a robot from rest at one configuration to another, in simulation.
 
@@ -45,12 +50,13 @@ def simulate(
         duration: how long to simulate [s].
         observers: called after each control step.
         notes: text to keep in the recording.
+        make_plant: makes the plant, for instance a ``DisturbedPlant`` around another robot.
 
     Raises:
         InputError: an argument has another shape or a value outside its domain.
     """
     controller = MpcController(robot, settings)
-    plant = PinocchioPlant(robot, dt=controller.dt / np.ceil(controller.dt / _PLANT_DT - 1e-9))
+    plant = make_plant(robot, controller.dt / np.ceil(controller.dt / _PLANT_DT - 1e-9))
     plant.reset(JointState(0.0, np.asarray(start, float), np.zeros(robot.nv)))
     return run_loop(plant, controller, target, duration, observers, notes=notes)
 

@@ -51,7 +51,7 @@ class DisturbedPlant:
         wrenches: Sequence[Wrench | JointTorque] = (),
         delay: float = 0.0,
         noise: ArrayLike = 0.0,
-        velocity_filter: float = 0.02,
+        velocity_filter: float = 0.01,
         rng: np.random.Generator | None = None,
     ) -> None:
         """Surround a plant, which is to be moved through this object alone from now on.
@@ -64,7 +64,7 @@ class DisturbedPlant:
             delay: time from command to torque [s], rounded to whole plant steps.
             noise: standard deviation of measured positions, one number or one a joint [rad]; the
                 velocities' noise follows from it, see ``EncoderNoise``.
-            velocity_filter: time constant of the filter behind the differentiated position [s].
+            velocity_filter: time constant of the filters behind the differentiated position [s].
             rng: source of the noise; needed where there is noise.
 
         Raises:
@@ -133,8 +133,9 @@ class DisturbedPlant:
             InputError: the torque has another shape or is not finite.
         """
         self._commands.append(finite_vector(tau, self.robot.nv, "tau"))
+        arrived = len(self._commands) > self._delay_steps
         self.plant.step(
-            self._commands.popleft(),
+            self._commands.popleft() if arrived else self._holding,
             external_torque=self._acting(self._joint_torques),
             tool_wrench=self._acting(self._tool_wrenches),
         )
@@ -170,8 +171,8 @@ class DisturbedPlant:
         carried = [robot for step, robot in loads if step <= 0]
         self.plant.change_robot(carried[-1] if carried else self._original)
         limit = self.robot.limits.tau_max
-        holding = np.clip(self.robot.gravity(start.q), -limit, limit)
-        self._commands = deque([holding] * self._delay_steps)
+        self._holding = np.clip(self.robot.gravity(start.q), -limit, limit)
+        self._commands: deque[Array] = deque()
         self._push_at: dict[int, Array] = {}
         for t, change in self._pushes:
             step = round((t - start.t) / self.dt)

@@ -11,14 +11,17 @@ from arm3dof.state import Array
 
 
 class EncoderNoise:
-    """White noise on positions, and its filtered derivative on velocities.
+    """White noise on positions, and its smoothed derivative on velocities.
 
-    A drive differentiates its encoder and smooths the result. Its velocity therefore errs by the
-    derivative of the position's error behind a first-order filter: errors of the two belong
-    together, and a velocity's error lasts about as long as the filter's time constant. The lag
-    that such a filter would add to the true velocity is left out. With position noise sigma the
-    velocity errs by about sigma / time_constant, exactly sigma b sqrt(2 / (1 + a)) with
-    a = exp(-dt / time_constant) and b = (1 - a) / dt.
+    A drive differentiates its encoder and smooths the result, here by a critically damped filter
+    of second order (two equal first-order ones). So the velocity errs by the smoothed derivative
+    of the position's error: the two errors belong together, and the velocity's lasts about as
+    long as the filter's time constant T. The lag that the filter would add to the true velocity
+    is left out. With position noise sigma and readings every dt the velocity errs by
+
+        sigma b sqrt(2 (1 - a) / (1 + a)^3),  a = exp(-dt / T),  b = (1 - a) / dt,
+
+    which is about sigma sqrt(dt / T) / (2 T).
 
     Attributes:
         q: present error of the positions, shape (nv,) [rad].
@@ -33,7 +36,7 @@ class EncoderNoise:
         Args:
             sigma: standard deviation of the positions' errors, shape (nv,) [rad].
             dt: time between two readings [s].
-            time_constant: of the filter behind the differentiator [s].
+            time_constant: T, of each of the two filters [s].
             rng: source of the noise.
 
         Raises:
@@ -44,26 +47,30 @@ class EncoderNoise:
         if not (np.isfinite(sigma).all() and (sigma >= 0).all()):
             raise InputError(f"noise is {sigma}; give standard deviations of 0 or more radians")
         self._sigma, self._rng = sigma, rng
-        self._keep = math.exp(-dt / time_constant)  # a
-        self._gain = (1 - self._keep) / dt  # b
+        self._a = math.exp(-dt / time_constant)
+        self._b = (1 - self._a) / dt
         self.restart()
 
     def restart(self) -> None:
         """Draw new first errors."""
-        # The filter's output b n(k) + z(k) splits into the newest noise n and a memory z of all
-        # before, z(k+1) = a z(k) - b (1 - a) n(k), whose lasting variance is b^2 (1-a)/(1+a).
-        spread = self._gain * math.sqrt((1 - self._keep) / (1 + self._keep))
-        self._memory = spread * self._draw()
+        # The first filter's output splits into its newest input b n(k) and a memory z(k) of all
+        # before, z(k+1) = a z(k) - b (1 - a) n(k). These are the lasting variance of z and the
+        # lasting distribution, given z, of the velocity's error one reading ago.
+        a, b = self._a, self._b
+        self._memory = b * math.sqrt((1 - a) / (1 + a)) * self._draw()
+        rest = b * math.sqrt((1 - a) / (1 + a) ** 3) * self._draw()
+        self.v = rest - self._memory / (1 + a)
         self._read()
 
     def advance(self) -> None:
         """Go on to the next reading."""
-        self._memory = self._keep * self._memory - self._gain * (1 - self._keep) * self.q
+        self._memory = self._a * self._memory - self._b * (1 - self._a) * self.q
         self._read()
 
     def _read(self) -> None:
         self.q = self._draw()
-        self.v = self._gain * self.q + self._memory
+        derivative = self._b * self.q + self._memory
+        self.v = self._a * self.v + (1 - self._a) * derivative
 
     def _draw(self) -> Array:
         return self._sigma * self._rng.standard_normal(self._sigma.size)
