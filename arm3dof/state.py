@@ -37,6 +37,18 @@ def frozen_array(values: ArrayLike, *shape: int | None, name: str) -> Array:
     return array
 
 
+def finite_vector(values: ArrayLike, size: int, name: str) -> Array:
+    """Copy an argument into a read-only vector of finite numbers, shape (size,).
+
+    Raises:
+        InputError: it has another shape, or holds NaN or infinity.
+    """
+    vector = frozen_array(values, size, name=name)
+    if not np.isfinite(vector).all():
+        raise InputError(f"{name} is {vector.tolist()}; give finite numbers")
+    return vector
+
+
 @dataclass(frozen=True, eq=False)
 class JointState:
     """Positions and velocities of all joints at one instant.

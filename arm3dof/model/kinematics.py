@@ -15,13 +15,12 @@ from arm3dof.model.reach import (
     Reach,
     Reason,
     Singularity,
-    finite_vector,
     joint_at_fault,
 )
 from arm3dof.model.robot import Limits, Robot
 from arm3dof.model.turns import excess, into_limits
 from arm3dof.model.workspace import nearest_configuration
-from arm3dof.state import Array
+from arm3dof.state import Array, finite_vector
 
 __all__ = ["Reach", "Reason", "Singularity", "closed_form_reach", "inverse_kinematics"]
 

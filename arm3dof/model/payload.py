@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from arm3dof.errors import InputError
-from arm3dof.state import frozen_array
+from arm3dof.state import finite_vector
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,5 @@ def centre_of_mass(values: ArrayLike) -> tuple[float, float, float]:
     Raises:
         InputError: the values are not three finite numbers.
     """
-    com = frozen_array(values, 3, name="the payload's com")
-    if not np.isfinite(com).all():
-        raise InputError(f"the payload's com is {com}; give three finite numbers in metres")
-    x, y, z = com.tolist()
+    x, y, z = finite_vector(values, 3, "the payload's com").tolist()
     return x, y, z

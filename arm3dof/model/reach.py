@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from arm3dof.errors import InputError
 from arm3dof.state import Array, frozen_array
 
 POSITION_TOLERANCE = 1e-10
@@ -142,18 +141,6 @@ class Reach:
             f"{self.reason.sentence}{fault}; the nearest point that it reaches is [{point}] m, "
             f"{self.distance:.4g} m away"
         )
-
-
-def finite_vector(values: ArrayLike, size: int, name: str) -> Array:
-    """Copy an argument into a read-only vector of finite numbers, shape (size,).
-
-    Raises:
-        InputError: it has another shape, or holds NaN or infinity.
-    """
-    vector = frozen_array(values, size, name=name)
-    if not np.isfinite(vector).all():
-        raise InputError(f"{name} is {vector.tolist()}; give finite numbers")
-    return vector
 
 
 def joint_at_fault(outside: Array) -> int:

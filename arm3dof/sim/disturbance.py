@@ -20,8 +20,7 @@ from arm3dof.sim.events import (
     share_of_step,
 )
 from arm3dof.sim.pinocchio_plant import PinocchioPlant
-from arm3dof.sim.plant import finite_vector
-from arm3dof.state import Array, JointState
+from arm3dof.state import Array, JointState, finite_vector
 
 __all__ = ["DisturbedPlant", "JointTorque", "PayloadChange", "Push", "Wrench"]
 

@@ -9,8 +9,7 @@ import numpy as np
 from arm3dof.errors import FrameNotFound, InputError
 from arm3dof.model.payload import Payload, centre_of_mass
 from arm3dof.model.robot import Robot
-from arm3dof.sim.plant import finite_vector
-from arm3dof.state import Array
+from arm3dof.state import Array, finite_vector
 
 _SMALLEST_SHARE = 1e-9  # a force that acts in less of a step than this only met it by rounding
 

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from arm3dof.errors import InputError
 from arm3dof.model.robot import Robot
-from arm3dof.sim.plant import finite_vector
-from arm3dof.state import Array, JointState
+from arm3dof.state import Array, JointState, finite_vector
 
 _FASTEST_EXPLICIT_DECAY = 0.5  # damping that decays more than this share of a step is stiff
 _FRICTION_SWEEPS = 100

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from arm3dof.errors import InputError
 from arm3dof.model.robot import Robot
-from arm3dof.state import Array, JointState, frozen_array
+from arm3dof.state import Array, JointState
 
 
 class Plant(Protocol):
@@ -39,15 +37,3 @@ class Plant(Protocol):
 
     def measure(self) -> JointState:
         """Return the present state as the sensors tell it; asked twice, the same."""
-
-
-def finite_vector(values: ArrayLike, size: int, name: str) -> Array:
-    """Return what a plant was given as a read-only vector.
-
-    Raises:
-        InputError: the values have another shape or are not finite.
-    """
-    array = frozen_array(values, size, name=name)
-    if not np.isfinite(array).all():
-        raise InputError(f"{name} is {array}; a plant takes finite numbers")
-    return array
