@@ -1,0 +1,1 @@
+"""Settings files: TOML in metres and pixels becomes frozen values."""

@@ -244,7 +244,7 @@ def rigid(transform: ArrayLike) -> Array:
     if error > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
         raise InputError(
             f"rotation is {rotation.tolist()}; give a rotation matrix: orthonormal columns "
-            f"(yours miss by {error:.2g}) and determinant +1"
+            f"(these miss by {error:.2g}) and determinant +1 (this is {np.linalg.det(rotation):.2g})"
         )
     left, _, right = np.linalg.svd(rotation)
     matrix[:3, :3] = left @ right
