@@ -130,7 +130,7 @@ def test_a_second_payload_replaces_the_first(arm):
 
 @pytest.mark.parametrize("mass", [-1e-9, np.nan, np.inf, "1", None, True])
 def test_an_impossible_mass_is_refused(arm, mass):
-    with pytest.raises(InputError, match="payload's mass is .*; give 0 or more"):
+    with pytest.raises(InputError, match=r"payload's mass is .*; give 0 or more"):
         arm.with_payload(mass)
 
 
@@ -178,7 +178,7 @@ def test_one_sign_scales_every_mass_alike(robot):
     for sign in (1, -1):
         wrong = perturbed(robot, 30, sign=sign, centroid_percent=0)
         factor = 1 + 0.3 * sign
-        for q, v, _ in states(robot, 5):
+        for q, _, _ in states(robot, 5):
             np.testing.assert_allclose(
                 wrong.mass_matrix(q), factor * robot.mass_matrix(q), rtol=1e-9, atol=1e-12
             )
