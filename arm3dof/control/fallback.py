@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from arm3dof.control.program import Optimum
 from arm3dof.control.step import TorqueSource
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState
@@ -14,19 +13,33 @@ from arm3dof.state import Array, JointState
 _BRAKING_STEPS = 2.0  # braking halves the speed in each step
 
 
+class Plan(NamedTuple):
+    """What the arm is expected to do from a step on.
+
+    Attributes:
+        u: accelerations of stages 0..N-1, shape (N, nv) [rad/s^2].
+        q: positions at stages 0..N, shape (N + 1, nv) [rad].
+        v: velocities at stages 0..N, shape (N + 1, nv) [rad/s].
+    """
+
+    u: Array
+    q: Array
+    v: Array
+
+
 class Answer(NamedTuple):
-    """A torque, where it comes from, and the prediction that goes with it.
+    """A torque, where it comes from, and what it is meant to do.
 
     Attributes:
         tau: torque, not yet limited, shape (nv,) [N m].
-        u: acceleration that the torque is meant to give, shape (nv,) [rad/s^2].
-        plan: predicted states [e; v], shape (any, 2 nv) [rad, rad/s].
+        u: the controller's input of (22), shape (nv,) [rad/s^2].
+        plan: what the arm is expected to do, at least one stage.
         source: where the torque comes from.
     """
 
     tau: Array
     u: Array
-    plan: Array
+    plan: Plan
     source: TorqueSource
 
 
@@ -40,42 +53,55 @@ class Fallback:
 
     def reset(self) -> None:
         """Forget the plan."""
-        self._plan: Optimum | None = None
-        self._q_target = np.zeros(self._robot.nv)
+        self._plan: Plan | None = None
         self._age = 0
+        self._fits = False
 
-    def remember(self, plan: Optimum, q_target: Array) -> None:
+    def expire(self) -> None:
+        """Stop offering the plan as a start for the next; it may still bridge a gap."""
+        self._fits = False
+
+    def remember(self, plan: Plan) -> None:
         """Keep the plan of a good step."""
-        self._plan, self._q_target, self._age = plan, q_target, 0
+        self._plan, self._age, self._fits = plan, 0, True
 
-    def answer(self, state: JointState | None) -> Answer:
+    def shifted(self, horizon: int) -> Array | None:
+        """Return the last plan's accelerations, moved to the step after it, shape (N, nv).
+
+        ``None`` when there is no plan, or it has expired or is older than one step.
+        """
+        if self._plan is None or not self._fits or self._age > 0:
+            return None
+        return np.concatenate([self._plan.u[1:horizon], self._plan.u[-1:]])
+
+    def answer(self, state: JointState | None, disturbance: Array) -> Answer:
         """Return a torque for a step without an optimum, and let the plan grow older.
 
         Args:
-            state: the measured state; ``None`` when it cannot be believed. Then the plan's
-                prediction stands in for it, and without any plan the torque is zero.
+            state: the state; ``None`` when it cannot be believed. Then the plan's prediction
+                stands in for it, and without any plan the torque is zero.
+            disturbance: estimated disturbance torque, shape (nv,) [N m].
         """
         self._age += 1
-        nv = self._robot.nv
         believed = state or self._believed()
         if believed is None:
-            zero = np.zeros(nv)
-            return Answer(zero, zero, np.zeros((1, 2 * nv)), TorqueSource.BRAKING)
+            nothing = np.zeros((1, self._robot.nv))
+            plan = Plan(nothing, nothing, nothing)
+            return Answer(nothing[0], nothing[0], plan, TorqueSource.BRAKING)
         if self._plan is not None and self._age <= min(self._most_steps, len(self._plan.u) - 1):
-            u = self._plan.u[self._age]
-            plan, source = self._plan.x[self._age :], TorqueSource.PREVIOUS_PLAN
+            rest = Plan(*(part[self._age :] for part in self._plan))
+            u, source = rest.u[0], TorqueSource.PREVIOUS_PLAN
         else:
             u = -believed.v / (_BRAKING_STEPS * self._dt)
-            plan = np.concatenate([self._q_target - believed.q, believed.v])[np.newaxis]
+            rest = Plan(u[np.newaxis], believed.q[np.newaxis], believed.v[np.newaxis])
             source = TorqueSource.BRAKING
-        tau = self._robot.inverse_dynamics(believed.q, believed.v, u)
-        return Answer(tau, u, plan, source)
+        tau = self._robot.inverse_dynamics(believed.q, believed.v, u) - disturbance
+        return Answer(tau, u, rest, source)
 
     def _believed(self) -> JointState | None:
         """Return where the plan says that the arm is now; at rest once the plan has ended."""
         if self._plan is None:
             return None
-        row = min(self._age, len(self._plan.x) - 1)
-        error, v = np.split(self._plan.x[row], 2)
+        row = min(self._age, len(self._plan.q) - 1)
         moving = self._age <= self._most_steps
-        return JointState(0.0, self._q_target - error, v if moving else np.zeros_like(v))
+        return JointState(0.0, self._plan.q[row], self._plan.v[row] * moving)

@@ -5,22 +5,30 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from arm3dof.control.fallback import Answer, Fallback
+from arm3dof.control.fallback import Answer, Fallback, Plan
+from arm3dof.control.formulation import Formulation
+from arm3dof.control.observer import Observer
 from arm3dof.control.paper import PaperFormulation
-from arm3dof.control.program import Optimum, Program, ProgramSolver
+from arm3dof.control.program import Bounds, Optimum, ProgramSolver
 from arm3dof.control.qp import QpStatus
+from arm3dof.control.reference import Reference, Target, sample_target
 from arm3dof.control.settings import MpcSettings
 from arm3dof.control.step import ControlStatus, ControlStep, TorqueSource
+from arm3dof.control.tracking import TrackingFormulation
 from arm3dof.errors import InputError
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState, frozen_array
 
 _STICTION_SPEED = 1e-3  # [rad/s]: Coulomb friction is compensated in full from this speed on
+_FRICTION_SHARE = 0.9  # friction compensation never takes more of the torque limit than this
 _MOST_OVERSPEED = 10.0  # a speed of more than this many times its limit is a broken measurement
 _MOST_OUTSIDE = 2 * np.pi  # [rad]: and so is a position this far outside its range
-_FRICTION_SHARE = 0.9  # friction compensation never takes more of the torque limit than this
+_TARGET_JUMP = 0.1  # [rad]: a target that moves more in one step makes the last plan useless
+_FORMULATIONS: dict[str, type[PaperFormulation] | type[TrackingFormulation]] = {
+    "tracking": TrackingFormulation,
+    "paper": PaperFormulation,
+}
 
 
 class MpcController:
@@ -32,18 +40,29 @@ class MpcController:
     Attributes:
         robot: the robot that is controlled.
         settings: the controller's settings.
+        observer: what the controller has learned about disturbances.
     """
 
     def __init__(self, robot: Robot, settings: MpcSettings | None = None) -> None:
         self.robot = robot.clone()
         self.settings = settings or MpcSettings()
-        self._formulation = PaperFormulation(self.robot, self.settings)
-        scale = max(float(np.abs(self._formulation.Q).max()), 1e-6)
-        self._solver = ProgramSolver(
-            robot.limits, self.settings.limit_weight * scale, self.settings.qp_settings
+        self.observer = Observer(
+            self.robot, self.settings.dt, self.settings.gain, self.settings.delay
         )
+        self._formulation: Formulation = _FORMULATIONS[self.settings.formulation](
+            self.robot, self.settings
+        )
+        self._solver = ProgramSolver(self.settings.qp_settings)
         self._fallback = Fallback(self.robot, self.settings.dt, self.settings.plan_validity)
-        self._friction = np.minimum(robot.friction, _FRICTION_SHARE * robot.limits.tau_max)
+        tau_max = robot.limits.tau_max
+        self._friction = np.minimum(robot.friction, _FRICTION_SHARE * tau_max)
+        scale = max(float(np.abs(self._formulation.weights.Q).max()), 1e-6)
+        self._bounds = Bounds.of(
+            robot.limits, tau_max - self._friction, self.settings.limit_weight * scale
+        )
+        self._most_change = self._torque_change()
+        self._tau: Array | None = None
+        self._target: Array | None = None
 
     @property
     def dt(self) -> float:
@@ -52,58 +71,109 @@ class MpcController:
 
     def reset(self) -> None:
         """Forget the past: the next step is as if it were the first."""
-        self._solver.reset()
+        self._forget_plan()
         self._fallback.reset()
+        self.observer.reset()
+        self._tau = self._target = None
 
-    def step(self, state: JointState, q_target: ArrayLike) -> ControlStep:
+    def step(self, state: JointState, target: Target) -> ControlStep:
         """Return the torque to apply until the next step.
 
         Args:
             state: measured state. One that no arm can be in (NaN, infinity, ten times the speed
                 limit, a turn outside the joint range) is answered with ``BAD_MEASUREMENT``.
-            q_target: target, shape (nv,) [rad]; NaN or infinity is answered with ``BAD_TARGET``.
+            target: constant target, shape (nv,) [rad], or a trajectory; NaN or infinity is
+                answered with ``BAD_TARGET``.
 
         Raises:
             InputError: the state or the target belongs to a robot with another number of joints.
         """
         start = time.perf_counter()
-        q_target = frozen_array(q_target, self.robot.nv, name="q_target")
         if state.q.size != self.robot.nv:
             raise InputError(
                 f"the state has {state.q.size} joints; {self.robot.name} has {self.robot.nv}"
             )
+        reference = self._reference(state, target)
         if not self._is_plausible(state):
-            return self._fall_back(None, ControlStatus.BAD_MEASUREMENT, start)
-        if not np.isfinite(q_target).all():
-            return self._fall_back(state, ControlStatus.BAD_TARGET, start)
+            self.observer.lose()
+            return self._fall_back(None, reference, ControlStatus.BAD_MEASUREMENT, start)
+        self.observer.measure(state)
+        state = self.observer.predict(state)
+        if not np.isfinite(reference.q).all():
+            return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)
+        if self.observer.jumped or self._target_jumped(reference):
+            self._forget_plan()
         with np.errstate(all="ignore"):  # an absurd state overflows; its program is not solved
-            program = self._formulation.build(state, q_target)
-            optimum = self._solve(program, q_target)
-        if optimum.solution.status is not QpStatus.SOLVED:
-            return self._fall_back(state, ControlStatus.NOT_SOLVED, start)
+            optimum = self._optimise(state, reference)
+        if optimum is None or optimum.status is not QpStatus.SOLVED:
+            return self._fall_back(state, reference, ControlStatus.NOT_SOLVED, start)
         limit = self.settings.max_step_time
         if limit is not None and time.perf_counter() - start > limit:
-            return self._fall_back(state, ControlStatus.DEADLINE_MISSED, start)
-        self._fallback.remember(optimum, q_target)
-        u = optimum.u[0]
-        rigid = program.torque_gain[0] @ u + program.torque_offset[0]
-        tau = rigid + self._friction_compensation(state.v + self.dt * u)
-        answer = Answer(tau, u, optimum.x, TorqueSource.OPTIMUM)
+            return self._fall_back(state, reference, ControlStatus.DEADLINE_MISSED, start)
+        plan = self._plan(state, optimum)
+        self._fallback.remember(plan)
+        self._formulation.advance()
+        self._solver.advance()
+        tau = optimum.tau[0] + self._friction_compensation(plan.v[1])
         status = ControlStatus.SOFTENED if optimum.softened else ControlStatus.SOLVED
-        return self._finish(answer, status, start)
+        answer = Answer(tau, optimum.w[: tau.size], plan, TorqueSource.OPTIMUM)
+        return self._finish(answer, reference, status, start)
 
-    def optimise(self, state: JointState, q_target: ArrayLike) -> Optimum:
-        """Return the optimum of one step with its QP, for study; the controller is unchanged.
+    def optimise(self, state: JointState, target: Target) -> Optimum:
+        """Return the optimum of one step from scratch, for study; the controller is unchanged.
 
         Args:
             state: state, finite.
-            q_target: target, shape (nv,) [rad], finite.
-        """
-        target = frozen_array(q_target, self.robot.nv, name="q_target")
-        return self._solve(self._formulation.build(state, target), target)
+            target: what to follow, finite.
 
-    def _solve(self, program: Program, q_target: Array) -> Optimum:
-        return self._solver.solve(program, q_target, self.robot.limits.tau_max - self._friction)
+        Raises:
+            InputError: the state or the target is not finite.
+        """
+        fresh = MpcController(self.robot, self.settings)
+        reference = fresh._reference(state, target)
+        optimum = fresh._optimise(state, reference) if state.is_finite else None
+        if optimum is None:
+            raise InputError(f"no program follows from q = {state.q}, v = {state.v}")
+        return optimum
+
+    def _forget_plan(self) -> None:
+        self._formulation.reset()
+        self._solver.reset()
+        self._fallback.expire()
+
+    def _target_jumped(self, reference: Reference) -> bool:
+        last, self._target = self._target, reference.q[0]
+        return last is None or bool((np.abs(last - self._target) > _TARGET_JUMP).any())
+
+    def _reference(self, state: JointState, target: Target) -> Reference:
+        begin = state.t + self.settings.delay
+        return sample_target(target, self.robot.nv, begin, self.dt, self.settings.horizon)
+
+    def _optimise(self, state: JointState, reference: Reference) -> Optimum | None:
+        """Linearise along the last plan and solve; without a plan, repeat along the new one."""
+        formulation, horizon, bounds = self._formulation, self.settings.horizon, self._bounds
+        if self._most_change is not None and self._tau is not None:
+            bounds = bounds.with_rate(self._most_change, self._tau)
+        u = self._fallback.shifted(horizon)
+        rounds = 1 if u is not None else formulation.linearisations
+        if u is None:
+            u = np.zeros((horizon, self.robot.nv))
+        optimum = None
+        for _ in range(rounds):
+            try:
+                program = formulation.build(state, reference, u, self.observer.disturbance)
+            except np.linalg.LinAlgError:
+                return None
+            optimum = self._solver.solve(program, bounds)
+            if optimum.status is not QpStatus.SOLVED:
+                break
+            u = self._plan(state, optimum).u
+        return optimum
+
+    def _plan(self, state: JointState, optimum: Optimum) -> Plan:
+        q = np.concatenate([state.q[np.newaxis], optimum.states[0]])
+        v = np.concatenate([state.v[np.newaxis], optimum.states[1]])
+        return Plan(np.diff(v, axis=0) / self.dt, q, v)
 
     def _is_plausible(self, state: JointState) -> bool:
         limits = self.robot.limits
@@ -111,18 +181,37 @@ class MpcController:
         in_range = (state.q >= low) & (state.q <= high)
         return bool((in_range & (np.abs(state.v) <= _MOST_OVERSPEED * limits.v_max)).all())
 
+    def _torque_change(self) -> Array | None:
+        """Return the largest change of torque in a step, shape (nv,) [N m]."""
+        rate = self.settings.torque_rate
+        if rate is None:
+            return None
+        nv = self.robot.nv
+        change = frozen_array(np.broadcast_to(rate, nv) * self.dt, nv, name="torque_rate")
+        if not (np.isfinite(change).all() and (change > 0).all()):
+            raise InputError(f"torque_rate is {rate!r}; give positive numbers of N m/s")
+        return change
+
     def _friction_compensation(self, v_next: Array) -> Array:
         return self._friction * np.clip(v_next / _STICTION_SPEED, -1.0, 1.0)
 
     def _fall_back(
-        self, state: JointState | None, status: ControlStatus, start: float
+        self, state: JointState | None, reference: Reference, status: ControlStatus, start: float
     ) -> ControlStep:
-        return self._finish(self._fallback.answer(state), status, start)
+        answer = self._fallback.answer(state, self.observer.disturbance)
+        return self._finish(answer, reference, status, start)
 
-    def _finish(self, answer: Answer, status: ControlStatus, start: float) -> ControlStep:
+    def _finish(
+        self, answer: Answer, reference: Reference, status: ControlStatus, start: float
+    ) -> ControlStep:
         tau_max = self.robot.limits.tau_max
         tau = np.clip(np.nan_to_num(answer.tau, posinf=np.inf, neginf=-np.inf), -tau_max, tau_max)
-        for array in (tau, answer.u, answer.plan):
+        self.observer.command(answer.plan.u[0])
+        self._tau = tau
+        rows = len(answer.plan.q)
+        target = reference.q[:rows] if len(reference.q) >= rows else reference.q[:1]
+        plan = np.concatenate([target - answer.plan.q, answer.plan.v], axis=1)
+        u = np.array(answer.u)
+        for array in (tau, u, plan):
             array.flags.writeable = False
-        elapsed = time.perf_counter() - start
-        return ControlStep(tau, answer.u, answer.plan, status, answer.source, elapsed)
+        return ControlStep(tau, u, plan, status, answer.source, time.perf_counter() - start)

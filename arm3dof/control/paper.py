@@ -4,74 +4,87 @@ from __future__ import annotations
 
 import numpy as np
 
+from arm3dof.control.formulation import (
+    Weights,
+    block_of_stage,
+    blocked,
+    damping_share,
+    discretise,
+    invert_hessian,
+)
 from arm3dof.control.prediction import (
     Condensed,
     QuadraticCost,
     condense,
-    discretise_euler,
-    discretise_exact,
-    double_integrator,
     error_dynamics,
     quadratic_cost,
-    riccati,
-    weight_matrix,
 )
 from arm3dof.control.program import Program
+from arm3dof.control.reference import Reference
 from arm3dof.control.settings import MpcSettings
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState
 
 
 class PaperFormulation:
-    """Builds the QP of one control step from the dynamics at the measured state.
+    """Builds the program of one control step from the dynamics at the measured state.
 
-    The input is u = M^-1 (tau - g), (22) with its sign corrected, so tau = M u + g. Joint
-    friction, which the paper does not model, is compensated in tau.
+    The decision is u = M^-1 (tau - g), (22) with its sign corrected, so tau = M u + g. Joint
+    friction, which the paper does not model, is compensated in tau. A moving target is taken as
+    standing still at each sample, as (25)-(27) do.
     """
 
+    linearisations = 1
+
     def __init__(self, robot: Robot, settings: MpcSettings) -> None:
-        nv = robot.nv
         self._robot, self._settings = robot, settings
-        self._discretise = (
-            discretise_euler if settings.discretisation == "euler" else discretise_exact
+        self.weights = Weights(settings, robot.nv)
+        self._blocks = block_of_stage(settings)
+        self._damping_inertia = np.diag(
+            settings.dt * robot.damping * damping_share(robot, settings.dt)
         )
-        self.Q = weight_matrix(settings.state_weight, 2, nv, "state_weight")
-        self.R = weight_matrix(settings.input_weight, 1, nv, "input_weight")
-        if settings.terminal_weight is None:
-            at_rest = self._discretise(double_integrator(nv), settings.dt)
-            self.P = riccati(at_rest, self.Q, self.R)
-        else:
-            self.P = weight_matrix(settings.terminal_weight, 2, nv, "terminal_weight")
+
+    def reset(self) -> None:
+        """Do nothing: no step depends on the one before."""
+
+    def advance(self) -> None:
+        """Do nothing: no step depends on the one before."""
 
     def predict(self, state: JointState) -> Condensed:
         """Return C and F of (36) with the dynamics frozen at a state."""
         mass, coriolis = self._robot.mass_matrix(state.q), self._robot.coriolis(state.q, state.v)
-        system = self._discretise(error_dynamics(mass, coriolis), self._settings.dt)
+        system = discretise(error_dynamics(mass, coriolis), self._settings)
         return condense(system, self._settings.horizon)
 
     def cost(self, prediction: Condensed) -> QuadraticCost:
         """Return Y, M and H of (38)."""
-        return quadratic_cost(prediction, self.Q, self.R, self.P)
+        return quadratic_cost(prediction, self.weights.Q, self.weights.R, self.weights.P)
 
-    def build(self, state: JointState, q_target: Array) -> Program:
-        """Return the torque-limited QP of one step, and its prediction.
-
-        Args:
-            state: measured state.
-            q_target: target, shape (nv,) [rad].
-        """
-        robot, dt, horizon = self._robot, self._settings.dt, self._settings.horizon
+    def build(
+        self, state: JointState, reference: Reference, plan: Array, disturbance: Array
+    ) -> Program:
+        """Return the program of one step; see ``Formulation.build``. The plan is not used."""
+        robot, horizon, nv = self._robot, self._settings.horizon, self._robot.nv
+        q_target = reference.q[0]
         x = np.concatenate([q_target - state.q, state.v])
         prediction = self.predict(state)
         cost = self.cost(prediction)
-        # with damping D held against its value at the sample's end, tau = (M + T D) u + g + D v
-        gain = robot.mass_matrix(state.q) + dt * np.diag(robot.damping)
-        offset = robot.gravity(state.q) + robot.damping * state.v
+        # sum over the stages of a block, on both sides of H
+        half = blocked(cost.H, self._blocks, nv)
+        hessian, inverse = invert_hessian(blocked(half.T, self._blocks, nv))
+        gradient = blocked(cost.M.T @ x, self._blocks, nv)
+        response = blocked(prediction.F, self._blocks, nv).reshape(horizon + 1, 2, nv, -1)
+        response = response[1:].swapaxes(0, 1) * np.array([-1.0, 1.0])[:, None, None, None]
+        free = (prediction.C @ x).reshape(horizon + 1, 2, nv)[1:].swapaxes(0, 1)
+        gain = robot.mass_matrix(state.q) + self._damping_inertia
+        offset = robot.gravity(state.q) + robot.damping * state.v - disturbance
         return Program(
-            H=cost.H,
-            g=cost.M.T @ x,
-            torque_gain=np.broadcast_to(gain, (horizon, *gain.shape)),
-            torque_offset=np.broadcast_to(offset, (horizon, robot.nv)),
-            free_response=prediction.C @ x,
-            response=prediction.F,
+            hessian=hessian,
+            hessian_inverse=inverse,
+            w_free=-inverse @ gradient,
+            block_of_stage=self._blocks,
+            torque_gain=np.broadcast_to(gain, (horizon, nv, nv)),
+            torque_offset=np.broadcast_to(offset, (horizon, nv)),
+            free_response=np.stack([q_target - free[0], free[1]]),
+            response=np.ascontiguousarray(response),
         )

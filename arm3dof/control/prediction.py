@@ -163,7 +163,7 @@ def riccati(system: StateSpace, Q: Array, R: Array) -> Array:
             "no terminal weight follows from these weights by the Riccati equation; "
             "give a positive input_weight and position weight, or give terminal_weight"
         ) from None
-    return (P + P.T) / 2
+    return np.asarray((P + P.T) / 2)
 
 
 def weight_matrix(weight: ArrayLike, parts: int, nv: int, name: str) -> Array:

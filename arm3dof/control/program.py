@@ -1,10 +1,17 @@
 """The constrained program of one control step, solved so that it always has an answer.
 
-Torque limits are hard: tau is ours to choose. Velocity and joint limits are soft, with an exact
-penalty: they are kept whenever the torque can keep them, and left as little as possible when it
-cannot, so the program is always feasible. Few of them matter at any time, so the program is
-solved with the torque limits alone; the limits that its solution would break are added, until
-none is broken. The result is the optimum of the program with all limits.
+The cost is 1/2 w' H w + g' w over the stacked decisions w. Torque limits are hard: tau is ours to
+choose. Velocity and joint limits are soft, with an exact penalty: they are kept whenever the torque
+can keep them, and left as little as possible when it cannot. So the program is always feasible.
+
+It is solved in its dual, over one multiplier z >= 0 for each limit:
+
+    w = w_free - H^-1 C' z,   z = argmin 1/2 z' (C H^-1 C') z - (C w_free - b)' z,   z <= price,
+
+with w_free = -H^-1 g. A soft limit differs from a hard one in nothing but its price. Few limits
+matter at any time: those that the solution would break are added until none is broken, and those of
+the last step are tried first. What comes out is the optimum of the program with all limits; without
+an active limit it is w_free, at the cost of one matrix product.
 """
 
 from __future__ import annotations
@@ -12,159 +19,284 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from arm3dof.control.qp import UNBOUNDED, ProxqpWorkspace, QpSettings, QpSolution, QpStatus
-from arm3dof.control.qp import QuadraticProgram as Qp
+from arm3dof.control.qp import (
+    UNBOUNDED,
+    ProxqpWorkspace,
+    QpSettings,
+    QpStatus,
+    QuadraticProgram,
+)
 from arm3dof.model.robot import Limits
 from arm3dof.state import Array
 
-_LIMIT_TOLERANCE = 1e-6  # [rad, rad/s]: below this a limit is kept
-_KKT_TOLERANCE = 1e-6
-_ROWS_AT_A_TIME = 8  # workspaces grow in steps of this many soft rows
+_TOLERANCE = 1e-6  # a limit counts as kept up to this share of its size (1 rad, 1 rad/s at least)
+_MOST_ROUNDS = 8
 
 
 class Program(NamedTuple):
-    """Cost, prediction and torque of one control step, as functions of U.
+    """Cost, prediction and torque of one control step, as functions of the decisions w.
+
+    Stage k uses the decisions ``s_k = w[block_of_stage[k]]``, and tau_k = G_k s_k + o_k.
 
     Attributes:
-        H: Hessian of the cost, shape (n, n).
-        g: gradient of the cost at U = 0, shape (n,).
-        torque_gain: d tau_k / d u_k, shape (N, nv, nv) [kg m^2].
-        torque_offset: tau_k at u_k = 0, without Coulomb friction, shape (N, nv) [N m].
-        free_response: X at U = 0, shape ((N + 1) 2 nv,) [rad, rad/s].
-        response: dX / dU, shape ((N + 1) 2 nv, n).
+        hessian: H, shape (n, n).
+        hessian_inverse: H^-1, shape (n, n).
+        w_free: minimiser of the cost without limits, shape (n,).
+        block_of_stage: which block of decisions a stage uses, shape (N,).
+        torque_gain: G, shape (N, nv, nv).
+        torque_offset: o, shape (N, nv) [N m].
+        free_response: position and velocity of stages 1..N at w = 0, shape (2, N, nv).
+        response: their derivative by w, shape (2, N, nv, n).
     """
 
-    H: Array
-    g: Array
+    hessian: Array
+    hessian_inverse: Array
+    w_free: Array
+    block_of_stage: NDArray[np.intp]
     torque_gain: Array
     torque_offset: Array
     free_response: Array
     response: Array
+
+    def torques(self, w: Array) -> Array:
+        """Return the torques of all stages, shape (N, nv) [N m]."""
+        nv = self.torque_offset.shape[1]
+        stage = w.reshape(-1, nv)[self.block_of_stage]
+        return np.asarray(
+            np.matmul(self.torque_gain, stage[:, :, np.newaxis])[:, :, 0] + self.torque_offset
+        )
+
+    def states(self, w: Array) -> Array:
+        """Return positions and velocities of stages 1..N, shape (2, N, nv) [rad, rad/s]."""
+        flat = self.response.reshape(-1, w.size) @ w
+        return self.free_response + flat.reshape(self.free_response.shape)
+
+    def torque_rows(self, stage: NDArray[np.intp], joint: NDArray[np.intp]) -> Array:
+        """Return d tau[stage, joint] / d w, shape (k, n)."""
+        nv = self.torque_offset.shape[1]
+        rows = np.zeros((stage.size, self.w_free.size // nv, nv))
+        rows[np.arange(stage.size), self.block_of_stage[stage]] = self.torque_gain[stage, joint]
+        return rows.reshape(stage.size, self.w_free.size)
+
+
+class Bounds(NamedTuple):
+    """Limits of each kind of row: torque, position, velocity and, if limited, torque rate.
+
+    Attributes:
+        low: shape (kinds, nv) [N m, rad, rad/s, N m].
+        high: shape (kinds, nv).
+        price: most that a unit of violation may cost, ``UNBOUNDED`` for a hard limit, (kinds,).
+        last_torque: torque before stage 0, which the rate counts from, shape (nv,) [N m].
+    """
+
+    low: Array
+    high: Array
+    price: Array
+    last_torque: Array
+
+    @staticmethod
+    def of(limits: Limits, tau_max: Array, soft_price: float) -> Bounds:
+        """Return the bounds of a robot.
+
+        Args:
+            limits: position and velocity limits.
+            tau_max: torque limit, shape (nv,) [N m].
+            soft_price: price of leaving a position or velocity limit.
+        """
+        high = np.stack([tau_max, limits.q_max, limits.v_max])
+        low = np.stack([-tau_max, limits.q_min, -limits.v_max])
+        price = np.array([UNBOUNDED, soft_price, soft_price])
+        return Bounds(low, high, price, np.zeros_like(tau_max))
+
+    def with_rate(self, change: Array, last_torque: Array) -> Bounds:
+        """Limit the change of torque from stage to stage as well.
+
+        Args:
+            change: largest change, shape (nv,) [N m].
+            last_torque: torque in force now, shape (nv,) [N m].
+        """
+        return Bounds(
+            np.vstack([self.low[:3], -change]),
+            np.vstack([self.high[:3], change]),
+            np.append(self.price[:3], UNBOUNDED),
+            last_torque,
+        )
 
 
 class Optimum(NamedTuple):
     """The solution of a program.
 
     Attributes:
-        u: inputs of all stages, shape (N, nv) [rad/s^2].
-        x: predicted states [e; v] of stages 0..N, shape (N + 1, 2 nv) [rad, rad/s].
+        w: decisions, shape (n,).
+        tau: torques of stages 0..N-1, shape (N, nv) [N m].
+        states: positions and velocities of stages 1..N, shape (2, N, nv) [rad, rad/s].
+        status: how the solve ended.
         softened: whether a velocity or joint limit is exceeded.
-        qp: the last QP that was solved.
-        solution: its solution.
+        rows: the limits that were considered, as a mask, shape (2, kinds, N, nv): upper, lower.
+        multipliers: z of these limits, in the mask's order.
+        program: the program that was solved.
+        bounds: its limits.
     """
 
-    u: Array
-    x: Array
+    w: Array
+    tau: Array
+    states: Array
+    status: QpStatus
     softened: bool
-    qp: Qp
-    solution: QpSolution
+    rows: NDArray[np.bool_]
+    multipliers: Array
+    program: Program
+    bounds: Bounds
+
+    def kkt_residual(self) -> float:
+        """Return the largest violation of the program's optimality conditions.
+
+        Stationarity, feasibility of the hard limits, and complementarity: z is zero off the limit
+        and, for a soft limit, its full price beyond the limit.
+        """
+        program, bounds = self.program, self.bounds
+        C, _ = _signed_rows(program, self.rows)
+        gradient = program.hessian @ (self.w - program.w_free) + C.T @ self.multipliers
+        excess = _excess(_values(program, self.w, bounds), bounds)
+        excess[:, 1:3] = np.where(_fixed(program), 0.0, excess[:, 1:3])
+        price = np.broadcast_to(bounds.price[:, np.newaxis, np.newaxis], excess.shape)[self.rows]
+        inside, outside = -excess[self.rows].clip(max=0.0), excess[self.rows].clip(min=0.0)
+        unpaid = np.where(price < UNBOUNDED, 1 - self.multipliers / price, 1.0)
+        parts = (gradient, self.multipliers * inside, outside * unpaid, excess[~self.rows].clip(0))
+        return max(float(np.abs(part).max(initial=0.0)) for part in parts)
+
+    def quadratic_program(self) -> QuadraticProgram:
+        """Return the program as one QP in w, with every limit that a decision reaches, and hard.
+
+        Where its limits can all be kept, its optimum is the program's.
+        """
+        program, bounds = self.program, self.bounds
+        rows = np.ones_like(self.rows[:1])
+        rows[:, 1:3] &= ~_fixed(program)
+        C, _ = _signed_rows(program, rows)
+        at_zero = _values(program, np.zeros_like(self.w), bounds)[rows[0]]
+        low, high = (
+            np.broadcast_to(side[:, np.newaxis], rows[0].shape)[rows[0]] - at_zero
+            for side in (bounds.low, bounds.high)
+        )
+        gradient = -program.hessian @ program.w_free
+        return QuadraticProgram(program.hessian, gradient, C, low, high)
 
 
 class ProgramSolver:
-    """Solves the programs of one controller, keeping the solver's memory between steps."""
+    """Solves the programs of one controller, trying first the limits that mattered last."""
 
-    def __init__(self, limits: Limits, limit_weight: float, settings: QpSettings) -> None:
-        self._limits, self._limit_weight, self._settings = limits, limit_weight, settings
-        self._workspaces: dict[tuple[int, int], ProxqpWorkspace] = {}
+    def __init__(self, settings: QpSettings) -> None:
+        self._settings = settings
+        self._workspaces: dict[int, ProxqpWorkspace] = {}
+        self._likely: NDArray[np.bool_] | None = None
 
     def reset(self) -> None:
         """Forget earlier solutions."""
         self._workspaces.clear()
+        self._likely = None
 
-    def solve(self, program: Program, q_target: Array, tau_max: Array) -> Optimum:
-        """Return the optimum of a program.
+    def advance(self) -> None:
+        """Move what is remembered one stage ahead, to the next control step."""
+        if self._likely is not None:
+            self._likely[:, :, :-1] = self._likely[:, :, 1:]
 
-        Args:
-            program: the program.
-            q_target: target that the program's error refers to, shape (nv,) [rad].
-            tau_max: torque limit, Coulomb friction taken off, shape (nv,) [N m].
-        """
-        qp = _torque_limited(program, tau_max)
-        solution = self._workspace(qp).solve(qp)
-        rows, bounds = _limit_rows(program, self._limits, q_target)
-        chosen = np.zeros(bounds.size, dtype=bool)
-        softened = False
-        while solution.status is QpStatus.SOLVED:
-            excess = rows @ solution.x[: program.g.size] - bounds
-            broken = (excess > _LIMIT_TOLERANCE) & ~chosen
-            softened = bool((excess[chosen] > _LIMIT_TOLERANCE).any())
-            if not broken.any():
+    def solve(self, program: Program, bounds: Bounds) -> Optimum:
+        """Return the optimum of a program."""
+        w, z = program.w_free, np.zeros(0)
+        values = _values(program, w, bounds)
+        excess_free = _excess(values, bounds)
+        tolerance = _TOLERANCE * np.maximum(np.abs(bounds.high), 1.0)[:, np.newaxis, :]
+        beyond = excess_free > tolerance
+        broken = beyond.copy()
+        rows = np.zeros_like(broken)
+        status = QpStatus.SOLVED if np.isfinite(values).all() else QpStatus.NOT_FINITE
+        if broken.any() and self._likely is not None and self._likely.shape == broken.shape:
+            rows |= self._likely
+        if broken.any():
+            fixed = _fixed(program)
+            broken[:, 1:3] &= ~fixed
+            rows[:, 1:3] &= ~fixed
+        rounds = 0
+        while broken.any() and status is QpStatus.SOLVED:
+            rounds += 1
+            if rounds > _MOST_ROUNDS:
+                status = QpStatus.ITERATION_LIMIT
                 break
-            chosen |= broken
-            qp = _softened(program, qp, rows[chosen], bounds[chosen], self._limit_weight)
-            solution = self._certified(qp)
-        nv = tau_max.size
-        U = solution.x[: program.g.size]
-        X = program.free_response + program.response @ U
-        return Optimum(U.reshape(-1, nv), X.reshape(-1, 2 * nv), softened, qp, solution)
+            rows |= broken
+            w, z, status = self._solve_dual(program, bounds, rows, excess_free)
+            values = _values(program, w, bounds)
+            beyond = _excess(values, bounds) > tolerance
+            broken = beyond & ~rows
+            broken[:, 1:3] &= ~fixed
+        soft = beyond & (bounds.price < UNBOUNDED)[:, np.newaxis, np.newaxis]
+        self._remember(rows, z)
+        return Optimum(
+            w, values[0], values[1:3], status, bool(soft.any()), rows, z, program, bounds
+        )
 
-    def _certified(self, qp: Qp) -> QpSolution:
-        """Solve a QP; from scratch if the start from an earlier solution misled the solver."""
-        workspace = self._workspace(qp)
-        solution = workspace.solve(qp)
-        if solution.status is not QpStatus.SOLVED or solution.kkt_residual(qp) > _KKT_TOLERANCE:
-            workspace.reset()
-            solution = workspace.solve(qp)
-        return solution
+    def _solve_dual(
+        self, program: Program, bounds: Bounds, rows: NDArray[np.bool_], excess_free: Array
+    ) -> tuple[Array, Array, QpStatus]:
+        """Return w, the multipliers of the chosen rows, and how the solve ended."""
+        C, kinds = _signed_rows(program, rows)
+        through = C @ program.hessian_inverse
+        gram = through @ C.T
+        scale = 1.0 / np.sqrt(gram.diagonal())
+        k = scale.size
+        dual = QuadraticProgram(
+            gram * scale * scale[:, np.newaxis],
+            -excess_free[rows] * scale,
+            np.eye(k),
+            np.zeros(k),
+            np.minimum(bounds.price[kinds] / scale, UNBOUNDED),
+        )
+        if k not in self._workspaces:
+            self._workspaces[k] = ProxqpWorkspace(k, k, self._settings)
+        solution = self._workspaces[k].solve(dual)
+        z = np.clip(solution.x * scale, 0.0, bounds.price[kinds])
+        return program.w_free - z @ through, z, solution.status
 
-    def _workspace(self, qp: Qp) -> ProxqpWorkspace:
-        size = (qp.g.size, qp.l.size)
-        if size not in self._workspaces:
-            self._workspaces[size] = ProxqpWorkspace(*size, self._settings)
-        return self._workspaces[size]
-
-
-def _torque_limited(program: Program, tau_max: Array) -> Qp:
-    """Return the QP whose rows are |gain u + offset| <= tau_max at every stage."""
-    stages, nv = program.torque_offset.shape
-    rows = np.zeros((stages, nv, stages, nv))
-    each = np.arange(stages)
-    rows[each, :, each, :] = program.torque_gain
-    low = (-tau_max - program.torque_offset).ravel()
-    high = (tau_max - program.torque_offset).ravel()
-    return Qp(program.H, program.g, rows.reshape(stages * nv, -1), low, high)
-
-
-def _limit_rows(program: Program, limits: Limits, q_target: Array) -> tuple[Array, Array]:
-    """Return every velocity and joint limit of stages 1..N as rows @ U <= bounds."""
-    nv = q_target.size
-    response = program.response.reshape(-1, 2, nv, program.g.size)[1:]
-    free = program.free_response.reshape(-1, 2, nv)[1:]
-    d_error, d_velocity = response[:, 0], response[:, 1]
-    error, velocity = free[:, 0], free[:, 1]
-    rows = np.concatenate([d_velocity, -d_velocity, -d_error, d_error])
-    bounds = np.concatenate(
-        [
-            limits.v_max - velocity,
-            limits.v_max + velocity,
-            limits.q_max - q_target + error,
-            q_target - limits.q_min - error,
-        ]
-    )
-    return rows.reshape(-1, program.g.size), bounds.ravel()
+    def _remember(self, rows: NDArray[np.bool_], z: Array) -> None:
+        likely = np.zeros_like(rows)
+        if z.size:
+            likely[rows] = z > 1e-9 * z.max()
+        self._likely = likely
 
 
-def _softened(program: Program, base: Qp, rows: Array, bounds: Array, limit_weight: float) -> Qp:
-    """Add soft rows to a QP, each with a slack of its own that is priced linearly.
+def _values(program: Program, w: Array, bounds: Bounds) -> Array:
+    """Return torque, position, velocity and torque change of each stage, (kinds, N, nv)."""
+    torque, states = program.torques(w), program.states(w)
+    if len(bounds.high) == 3:
+        return np.concatenate([torque[np.newaxis], states])
+    change = np.diff(torque, axis=0, prepend=bounds.last_torque[np.newaxis])
+    return np.concatenate([torque[np.newaxis], states, change[np.newaxis]])
 
-    The number of slacks is rounded up, so that few sizes of workspace are needed; a slack without
-    a row rests at zero.
-    """
-    n, wanted = program.g.size, bounds.size
-    slacks = -(-wanted // _ROWS_AT_A_TIME) * _ROWS_AT_A_TIME
-    torque_rows = program.torque_offset.size
-    H = np.zeros((n + slacks, n + slacks))
-    H[:n, :n] = program.H
-    H[n:, n:] = np.eye(slacks)
-    g = np.concatenate([program.g, np.full(slacks, limit_weight)])
-    C = np.zeros((torque_rows + 2 * slacks, n + slacks))
-    C[:torque_rows, :n] = base.C[:torque_rows, :n]
-    C[torque_rows : torque_rows + wanted, :n] = rows
-    C[torque_rows : torque_rows + slacks, n:] = -np.eye(slacks)
-    C[torque_rows + slacks :, n:] = np.eye(slacks)
-    low = np.concatenate([base.l[:torque_rows], np.full(slacks, -UNBOUNDED), np.zeros(slacks)])
-    padded = np.full(slacks, UNBOUNDED)
-    padded[:wanted] = bounds
-    high = np.concatenate([base.u[:torque_rows], padded, np.full(slacks, UNBOUNDED)])
-    return Qp(H, g, C, low, high)
+
+def _excess(values: Array, bounds: Bounds) -> Array:
+    """Return by how much each value is above its upper and below its lower limit."""
+    high, low = bounds.high[:, np.newaxis, :], bounds.low[:, np.newaxis, :]
+    return np.stack([values - high, low - values])
+
+
+def _fixed(program: Program) -> NDArray[np.bool_]:
+    """Return which states no decision reaches, shape (2, N, nv)."""
+    return np.asarray(~program.response.any(axis=-1))
+
+
+def _signed_rows(program: Program, rows: NDArray[np.bool_]) -> tuple[Array, NDArray[np.intp]]:
+    """Return the chosen rows of C, so that a limit reads C w <= b, and the kind of each."""
+    side, kind, stage, joint = np.nonzero(rows)
+    C = np.empty((side.size, program.w_free.size))
+    is_torque, is_rate = kind == 0, kind == 3
+    C[is_torque] = program.torque_rows(stage[is_torque], joint[is_torque])
+    is_state = ~(is_torque | is_rate)
+    C[is_state] = program.response[kind[is_state] - 1, stage[is_state], joint[is_state]]
+    if is_rate.any():
+        at, j = stage[is_rate], joint[is_rate]
+        before = program.torque_rows(np.maximum(at - 1, 0), j)
+        C[is_rate] = program.torque_rows(at, j) - before * (at > 0)[:, np.newaxis]
+    C[side == 1] *= -1.0
+    return C, kind

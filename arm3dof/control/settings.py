@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from arm3dof.control.qp import QpSettings
 from arm3dof.errors import InputError
 
-Formulation = Literal["paper"]
+Formulation = Literal["tracking", "torque", "paper"]
 Discretisation = Literal["euler", "exact"]
 
 
@@ -27,7 +27,9 @@ class MpcSettings:
     error live longer.
 
     Attributes:
-        formulation: ``"paper"``: the error dynamics frozen at the measured state, (22)-(38).
+        formulation: ``"tracking"``: decide accelerations, with torque limits along the last plan;
+            ``"torque"``: decide torques, on dynamics linearised along the last plan; ``"paper"``:
+            the error dynamics frozen at the measured state, (22)-(38).
         horizon: number of stages N.
         dt: sampling time T [s]; the controller is called once every ``dt``.
         state_weight: Q: two numbers (position [1/rad^2], velocity [s^2/rad^2]), one number a
@@ -35,7 +37,15 @@ class MpcSettings:
         input_weight: R: one number, one a joint, or the (nv, nv) matrix [s^4/rad^2].
         terminal_weight: P, given like ``state_weight``; ``None`` takes the solution of the
             Riccati equation, with which the end of the horizon costs what an endless one would.
-        discretisation: ``"euler"`` is (30)-(33), ``"exact"`` holds u over each sample.
+        discretisation: ``"euler"`` is (30)-(33), ``"exact"`` holds u over each sample; ``None``
+            takes the paper's for ``"paper"`` and the exact one otherwise.
+        blocks: move blocking: how many stages share their decisions, in order of time, adding up
+            to ``horizon``; ``None`` decides for every stage.
+        torque_rate: largest change of torque, one number or one a joint [N m/s]; ``None``: any.
+        observer_gain: share of an unexplained torque that is taken for a disturbance in each
+            step, from 0 (no observer) to 1; ``None`` takes 0 for ``"paper"`` and 0.3 otherwise.
+        delay: time from a measurement to when the torque computed from it acts [s]; the state is
+            predicted over it.
         limit_weight: price of leaving a velocity or joint limit, in multiples of the largest
             state weight [1/rad, s/rad]; large enough that a limit is only ever left when the
             torque cannot prevent it.
@@ -50,31 +60,56 @@ class MpcSettings:
         InputError: a value is outside its domain.
     """
 
-    formulation: Formulation = "paper"
+    formulation: Formulation = "tracking"
     horizon: int = 20
     dt: float = 0.05
     state_weight: ArrayLike = (1.0, 0.0)
     input_weight: ArrayLike = 0.001
     terminal_weight: ArrayLike | None = None
-    discretisation: Discretisation = "euler"
+    discretisation: Discretisation | None = None
+    blocks: tuple[int, ...] | None = None
+    torque_rate: ArrayLike | None = None
+    observer_gain: float | None = None
+    delay: float = 0.0
     limit_weight: float = 1000.0
-    max_iterations: int = 40
+    max_iterations: int = 20
     tolerance: float = 1e-8
     max_step_time: float | None = None
     plan_validity: float = 0.25
 
     def __post_init__(self) -> None:
         _one_of("formulation", self.formulation, get_args(Formulation))
-        _one_of("discretisation", self.discretisation, get_args(Discretisation))
+        if self.discretisation is None:
+            exact: Discretisation = "euler" if self.formulation == "paper" else "exact"
+            object.__setattr__(self, "discretisation", exact)
+        _one_of("discretisation", str(self.discretisation), get_args(Discretisation))
         if not (isinstance(self.horizon, int) and 1 <= self.horizon <= 500):
             raise InputError(f"horizon is {self.horizon!r}; give a whole number from 1 to 500")
+        if self.blocks is not None and (
+            any(size < 1 for size in self.blocks) or sum(self.blocks) != self.horizon
+        ):
+            raise InputError(
+                f"blocks is {self.blocks}; give numbers of stages, 1 or more each, that add up to "
+                f"the horizon, {self.horizon}"
+            )
+        if self.observer_gain is None:
+            object.__setattr__(self, "observer_gain", 0.0 if self.formulation == "paper" else 0.3)
+        if not 0 <= self.gain <= 1:
+            raise InputError(f"observer_gain is {self.observer_gain!r}; give a number from 0 to 1")
         for name in ("dt", "limit_weight"):
             _positive(name, getattr(self, name))
+        for name in ("delay", "plan_validity"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise InputError(f"{name} is {value!r}; give 0 or more seconds")
         if self.max_step_time is not None:
             _positive("max_step_time", self.max_step_time)
-        if not (np.isfinite(self.plan_validity) and self.plan_validity >= 0):
-            raise InputError(f"plan_validity is {self.plan_validity!r}; give 0 or more seconds")
         QpSettings(tolerance=self.tolerance, max_iterations=self.max_iterations)
+
+    @property
+    def gain(self) -> float:
+        """The observer's gain as a number."""
+        return float(self.observer_gain or 0.0)
 
     @property
     def qp_settings(self) -> QpSettings:
