@@ -8,6 +8,7 @@ import pytest
 
 from arm3dof.cli import app
 from arm3dof.control.mpc import MpcController
+from arm3dof.control.settings import MpcSettings
 from arm3dof.control.step import ControlStatus, ControlStep, TorqueSource
 from arm3dof.errors import FrameNotFound, InputError
 from arm3dof.model.library import load_robot
@@ -275,7 +276,8 @@ def test_an_unknown_payload_makes_the_arm_sag_and_a_known_one_does_not(arm):
     for known in (arm, loaded):
         plant = PinocchioPlant(loaded)
         plant.reset(at(target))
-        run = run_loop(plant, MpcController(known), target, 1.0)
+        blind = MpcController(known, MpcSettings(observer_gain=0))
+        run = run_loop(plant, blind, target, 1.0)
         errors.append(summarise(run).final_error)
     assert errors[0] > np.deg2rad(1.0)
     assert errors[1] < np.deg2rad(0.01)
@@ -563,7 +565,7 @@ def test_simulate_takes_disturbances(simulate, arm):
     assert np.abs(run.q[:101] - calm.q[:101]).max() == 0
     _, run, _ = simulate("--payload-kg", "0.1")
     assert run.load_robot().payload.mass == 0.1
-    assert run.q[-1, 1] < calm.q[-1, 1] - 0.1
+    assert run.q[:, 1].min() < calm.q[:, 1].min() - 0.02
     _, run, _ = simulate("--model-error", "20", "--seed", "7")
     assert np.abs(run.load_robot().gravity(np.zeros(3)) - arm.gravity(np.zeros(3))).max() > 1e-3
     _, again, _ = simulate("--model-error", "20", "--seed", "7", "--noise-deg", "0.1")

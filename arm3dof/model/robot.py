@@ -139,7 +139,7 @@ class Robot:
 
     def clone(self) -> Robot:
         """Return an independent robot with the same model, safe to use in another thread."""
-        return self._carrying(self.payload)
+        return self._copy(self.description)
 
     @property
     def model(self) -> pin.Model:
@@ -180,11 +180,12 @@ class Robot:
         Raises:
             InputError: the mass is negative or not finite, or ``com`` is not three finite numbers.
         """
-        return self._carrying(Payload(mass, centre_of_mass(com)))
+        payload = Payload(mass, centre_of_mass(com))
+        return self._copy(replace(self.description, payload=payload))
 
     def without_payload(self) -> Robot:
         """Return the robot with nothing attached, its dynamics as they were to the last bit."""
-        return self._carrying(None)
+        return self._copy(replace(self.description, payload=None))
 
     # ---- kinematics ------------------------------------------------------------------------
 
@@ -311,14 +312,14 @@ class Robot:
         high = np.where(np.isfinite(self.limits.q_max), self.limits.q_max, np.pi)
         return rng.uniform(low, high)
 
-    def _carrying(self, payload: Payload | None) -> Robot:
+    def _copy(self, description: Description) -> Robot:
         return Robot(
             pin.Model(self._bare_model),
             limits=self.limits,
             tool_frame=self.tool_frame,
             damping=self.damping,
             friction=self.friction,
-            description=replace(self.description, payload=payload),
+            description=description,
         )
 
     def _vector(self, values: ArrayLike, name: str) -> Array:
