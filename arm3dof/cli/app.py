@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from arm3dof.cli import doctor, output, robots, simulate, view
+from arm3dof.cli import demo, doctor, output, robots, see, simulate, view
 from arm3dof.cli.options import JsonFlag
 from arm3dof.errors import ArmError
 
@@ -35,18 +35,21 @@ def root(
         output.out().print(context.get_help(), end="")
 
 
+_POINT = {"ignore_unknown_options": True}  # a negative coordinate is no option
+app.command()(demo.demo)
+app.command()(see.see)
+app.command(context_settings=_POINT)(robots.ik)
+app.command()(simulate.simulate)
+app.command()(view.view)
+app.command()(robots.check)
+app.command("robots")(robots.robots)
+app.add_typer(see.calibrate, name="calibrate")
+
+
 @app.command("doctor")
 def examine(as_json: JsonFlag = False) -> int:
     """Say whether this installation is sound, and what to do when it is not."""
     return doctor.report(as_json=as_json)
-
-
-_POINT = {"ignore_unknown_options": True}  # a negative coordinate is no option
-app.command(context_settings=_POINT)(robots.ik)
-app.command()(robots.check)
-app.command("robots")(robots.robots)
-app.command()(simulate.simulate)
-app.command()(view.view)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

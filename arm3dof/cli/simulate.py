@@ -197,6 +197,7 @@ def show_metrics(console: Console, metrics: Metrics) -> None:
 
 
 def show_files(console: Console, files: Sequence[Path]) -> None:
-    """Print which files were written."""
-    for file in files:
-        console.print(f"  [dim]wrote[/]         {escape(str(file))}")
+    """Print which files were written, all into one folder."""
+    if files:
+        names = ", ".join(file.name for file in files)
+        console.print(f"  [dim]{'wrote':13}[/] {escape(str(files[0].parent))}: {escape(names)}")

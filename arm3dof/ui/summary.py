@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # `arm3dof doctor --json` must work where Pinocchio does not
     from arm3dof.runtime.metrics import Metrics
+    from arm3dof.vision.locate import View
 
 _FIGURES = (
     "settling_time_s",
@@ -49,6 +50,28 @@ def run_report(metrics: Metrics | None, files: Iterable[Path] = ()) -> dict[str,
         }
     settled = metrics is not None and metrics.settled
     return {"settled": settled, **figures, "files": [str(file) for file in files]}
+
+
+def view_report(view: View) -> dict[str, object]:
+    """Return what was seen in a picture, with the unit in every name."""
+    return {
+        "found": bool(view.located),
+        "objects": [
+            {
+                "target": it.target,
+                "box_px": it.box_px,
+                "depth_m": it.depth_m,
+                "depth_sigma_m": it.depth_sigma_m,
+                "p_camera_m": it.p_camera,
+                "p_base_m": it.p_base,
+                "sigma_m": it.sigma_m,
+            }
+            for it in view.located
+        ],
+        "refused": [
+            {"target": it.target, "box_px": it.box_px, "reason": it.reason} for it in view.refused
+        ],
+    }
 
 
 def to_json(report: object) -> str:

@@ -1,0 +1,231 @@
+"""From a picture to a settled arm, and everything that is written on the way."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import skimage
+import sklearn
+
+import arm3dof
+from arm3dof.cli import app
+from arm3dof.config.camera_file import load_camera
+from arm3dof.errors import InputError
+from arm3dof.ui.demo import Outcome, tell
+from arm3dof.ui.demo_scene import RADIUS, draw_demo
+from arm3dof.vision.camera import Camera
+from arm3dof.vision.locate import look
+
+COFFEE = Path(skimage.__file__).parent / "data" / "coffee.png"
+FLOWER = Path(sklearn.__file__).parent / "datasets" / "images" / "flower.jpg"
+FIGURES = {"error.png", "velocity.png", "controller.png", "torque.png", "overview.png"}
+
+
+@pytest.fixture(scope="module")
+def paper():
+    return load_camera("paper")
+
+
+def test_the_story(paper, tmp_path):
+    robot = arm3dof.load_robot()
+    picture = draw_demo(paper.camera, np.random.default_rng(1))
+    green = [paper.targets["green"]]
+    steps = []
+    story = tell(
+        robot,
+        picture,
+        paper.camera,
+        green,
+        tmp_path / "new",
+        duration=3.0,
+        observers=[lambda state, answer: steps.append(answer)],
+    )
+    assert story.outcome is Outcome.SETTLED
+    assert story.succeeded
+    assert story.metrics.torque_violations == 0
+    assert len(steps) == 60
+    names = {file.name for file in story.files}
+    assert names == {*FIGURES, "seen.png", "replay.html", "run.npz", "summary.json"}
+    assert {file.name for file in (tmp_path / "new").iterdir()} == names
+    # the hand ends where the object was seen
+    hand = robot.placement(story.recording.q[-1]).translation
+    np.testing.assert_allclose(hand, story.view.located[0].p_base, atol=2e-3)
+    assert (tmp_path / "new" / "replay.html").stat().st_size < 5e6
+    assert cv2.imread(str(tmp_path / "new" / "seen.png")).shape == picture.shape
+    summary = json.loads((tmp_path / "new" / "summary.json").read_text())
+    assert summary["outcome"] == "settled"
+    assert summary["objects"][0]["target"] == "green"
+    assert summary["target_m"] == summary["objects"][0]["p_base_m"]
+    np.testing.assert_allclose(summary["target_deg"], np.rad2deg(story.reach.best))
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("name", ["paper", "desk"])
+def test_the_drawn_cylinder_is_seen_and_within_reach_wherever_it_stands(name, seed):
+    setup = load_camera(name)
+    picture = draw_demo(setup.camera, np.random.default_rng(seed))
+    located = look(picture, setup.camera, [setup.targets["green"]]).located
+    assert len(located) == 1
+    # it stands on the table
+    assert located[0].p_base[2] == pytest.approx(-0.11 + 0.0225, abs=3e-3)
+    assert arm3dof.inverse_kinematics(arm3dof.load_robot(), located[0].p_base).reachable
+    assert setup.targets["green"].width_m == 2 * RADIUS
+
+
+def test_a_story_in_which_nothing_is_seen(paper, tmp_path):
+    grey = np.full((480, 640, 3), 128, np.uint8)
+    story = tell(arm3dof.load_robot(), grey, paper.camera, paper.targets, tmp_path)
+    assert story.outcome is Outcome.NOTHING_SEEN
+    assert not story.succeeded
+    assert story.reach is None
+    assert {file.name for file in story.files} == {"seen.png", "summary.json"}
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["found"] is False
+    assert summary["target_m"] is None
+
+
+def test_a_story_in_which_the_object_is_too_far(paper, tmp_path):
+    near = paper.camera
+    pose = near.transform_base_camera.copy()
+    pose[:3, 3] += [0.5, 0.0, 0.0]
+    camera = Camera(near.width, near.height, near.camera_matrix, near.distortion, pose)
+    picture = draw_demo(near, np.random.default_rng(1))
+    story = tell(arm3dof.load_robot(), picture, camera, [paper.targets["green"]], tmp_path)
+    assert story.outcome is Outcome.OUT_OF_REACH
+    assert story.recording is None
+    assert json.loads((tmp_path / "summary.json").read_text())["reason"] == "too_far"
+
+
+def test_a_story_that_ends_too_soon(paper, tmp_path):
+    picture = draw_demo(paper.camera, np.random.default_rng(1))
+    green = [paper.targets["green"]]
+    story = tell(arm3dof.load_robot(), picture, paper.camera, green, tmp_path, duration=0.2)
+    assert story.outcome is Outcome.NOT_SETTLED
+    assert (tmp_path / "replay.html").is_file()
+
+
+def test_every_outcome_has_its_sentence():
+    assert len({outcome.sentence for outcome in Outcome}) == len(Outcome)
+
+
+# ---- the command -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def demo(capsys, tmp_path):
+    """Return a function that runs the demo with --json, without a page, into a folder."""
+
+    def call(*words):
+        folder = tmp_path / "out"
+        given = ["demo", "--no-serve", "--json", "--out", str(folder), *map(str, words)]
+        code = app.main(given)
+        captured = capsys.readouterr()
+        assert captured.err == ""
+        return code, json.loads(captured.out), folder
+
+    return call
+
+
+def test_demo(demo):
+    code, answer, folder = demo()
+    assert code == 0
+    assert answer["settled"] is True
+    assert answer["url"] is None
+    assert answer["assumed"] == {}
+    written = {file.name for file in folder.iterdir()}
+    assert {Path(file).name for file in answer["files"]} == written
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary == {key: answer[key] for key in summary}
+
+
+@pytest.mark.parametrize("photograph", [COFFEE, FLOWER], ids=["coffee", "flower"])
+def test_demo_on_a_photograph_runs_through_to_a_settled_arm(demo, photograph):
+    code, answer, _ = demo("--image", photograph)
+    assert code == 0
+    assert answer["settled"] is True
+    assert answer["torque_violations"] == 0
+    assert set(answer["assumed"]) == {"focal_px", "hsv", "width_m"}
+    assert answer["objects"][0]["depth_m"] == pytest.approx(0.2, rel=0.03)
+
+
+def test_demo_assumes_only_what_is_not_given(demo):
+    words = ["--image", FLOWER, "--hsv", "2,90,60,22,255,255", "--width-m", "0.10"]
+    code, answer, _ = demo(*words)
+    assert code == 0
+    assert set(answer["assumed"]) == {"focal_px"}
+
+
+def test_demo_with_a_camera_and_its_target(demo, tmp_path, paper):
+    image = tmp_path / "table.png"
+    cv2.imwrite(str(image), draw_demo(paper.camera, np.random.default_rng(3)))
+    code, answer, _ = demo("--image", image, "--camera", "paper", "--target", "green")
+    assert code == 0
+    assert answer["assumed"] == {}
+    code, answer, _ = demo(
+        "--image", image, "--camera", "paper", "--hsv", "0,0,0,1,1,1", "--width-m", "0.03"
+    )
+    assert code == 1
+    assert answer["outcome"] == "nothing_seen"
+
+
+def test_demo_on_a_picture_without_colour(demo, tmp_path):
+    image = tmp_path / "grey.png"
+    cv2.imwrite(str(image), np.full((100, 120, 3), 128, np.uint8))
+    code, answer, folder = demo("--image", image)
+    assert code == 1
+    assert answer["outcome"] == "nothing_seen"
+    assert (folder / "seen.png").is_file()
+
+
+def test_demo_of_what_is_not_seen_whole(demo, tmp_path):
+    image = tmp_path / "cut.png"
+    picture = np.full((100, 120, 3), 128, np.uint8)
+    picture[:, :60] = (30, 180, 40)
+    cv2.imwrite(str(image), picture)
+    code, answer, _ = demo("--image", image, "--hsv", "40,80,40,90,255,255")
+    assert code == 1
+    assert answer["outcome"] == "nothing_seen"
+
+
+def test_demo_for_people(capsys, tmp_path):
+    words = ["demo", "--no-serve", "--image", str(FLOWER), "--out", str(tmp_path)]
+    assert app.main(words) == 0
+    out = capsys.readouterr().out
+    assert "assumed" in out
+    assert "the arm settled at the object" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--image", "no.png"], "no.png"),
+        (["--image", COFFEE, "--camera", "paper"], "640 x 480"),
+        (["--image", COFFEE, "--target", "red"], "--camera"),
+        (["--camera", "none.toml"], "none.toml"),
+        (["--target", "pink"], "pink"),
+        (["--target", "red", "--hsv", "0,0,0,1,1,1"], "both given"),
+        (["--hsv", "0,0,0,1,1,1"], "--width-m"),
+        (["--width-m", "0.03"], "--hsv"),
+        (["--robot", "none"], "no robot 'none'"),
+    ],
+)
+def test_demo_refuses(capsys, tmp_path, words, reason):
+    code = app.main(["demo", "--no-serve", "--out", str(tmp_path), *map(str, words)])
+    captured = capsys.readouterr()
+    assert (code, captured.out) == (2, "")
+    assert captured.err.count("\n") == 1
+    assert reason in captured.err
+
+
+def test_tell_refuses_a_folder_that_is_a_file(paper, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        tell(
+            arm3dof.load_robot(),
+            np.zeros((480, 640, 3), np.uint8),
+            paper.camera,
+            paper.targets,
+            tmp_path / "file",
+        )
