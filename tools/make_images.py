@@ -1,0 +1,73 @@
+"""Draw the pictures that the README and the manual show: run the demo, and photograph its page."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+from ensure_chromium import NAMES
+from numpy.typing import NDArray
+from playwright.sync_api import sync_playwright
+
+import arm3dof
+from arm3dof.config.camera_file import load_camera
+from arm3dof.ui.demo import tell
+from arm3dof.ui.demo_scene import draw_demo
+
+IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
+SOFTWARE_GL = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader")
+WIDTH, GAP = 1360, 10  # of the README's picture [px]
+
+Picture = NDArray[np.uint8]
+
+
+def main() -> None:
+    """Write docs/images/demo.jpg: what was seen, the arm at it, and the motion in figures."""
+    camera, targets = load_camera("paper")
+    picture = draw_demo(camera, np.random.default_rng(0))
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        tell(arm3dof.load_robot(), picture, camera, [targets["green"]], folder, duration=3.0)
+        seen = cv2.imread(str(folder / "seen.png"))
+        page = photograph(folder / "replay.html", folder / "page.png")
+        figures = [cv2.imread(str(folder / f"{name}.png")) for name in ("error", "torque")]
+    top = row([seen, page])
+    bottom = row(figures)
+    gap = np.full((GAP, WIDTH, 3), 255, np.uint8)
+    IMAGES.mkdir(parents=True, exist_ok=True)
+    whole = np.concatenate([top, gap, bottom])
+    cv2.imwrite(str(IMAGES / "demo.jpg"), whole, [cv2.IMWRITE_JPEG_QUALITY, 88])
+    print(f"wrote {IMAGES / 'demo.jpg'}, {(IMAGES / 'demo.jpg').stat().st_size / 1024:.0f} KiB")
+
+
+def photograph(page: Path, to: Path) -> Picture:
+    """Open a replay in a browser, wait for its end, and return what it shows."""
+    browser = next((path for name in NAMES if (path := shutil.which(name))), None)
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=browser, args=list(SOFTWARE_GL))
+        tab = chromium.new_page(viewport={"width": 1080, "height": 720})
+        tab.goto(page.as_uri(), wait_until="domcontentloaded")
+        tab.evaluate("() => { player.setPlaying(false); player.seek(player.frames - 1); }")
+        tab.wait_for_timeout(4000)  # the page sharpens a picture that stands still
+        tab.screenshot(path=to)
+        chromium.close()
+    return np.asarray(cv2.imread(str(to)), dtype=np.uint8)
+
+
+def row(pictures: list[Picture]) -> Picture:
+    """Put pictures side by side at one height, filling the width."""
+    ratio = sum(picture.shape[1] / picture.shape[0] for picture in pictures)
+    height = round((WIDTH - GAP * (len(pictures) - 1)) / ratio)
+    parts = [np.full((height, 0, 3), 255, np.uint8)]
+    for picture in pictures:
+        width = round(height * picture.shape[1] / picture.shape[0])
+        parts.append(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA))
+        parts.append(np.full((height, GAP, 3), 255, np.uint8))
+    return cv2.resize(np.concatenate(parts[:-1], axis=1), (WIDTH, height))
+
+
+if __name__ == "__main__":
+    main()
