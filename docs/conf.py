@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import pkgutil
+from importlib import import_module
 
 from docutils import nodes
+from docutils.statemachine import StringList
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
 from sphinx.writers.html5 import HTML5Translator
 
 import arm3dof
@@ -21,7 +24,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
 ]
-exclude_patterns = ["_build", "_generated"]
+exclude_patterns = ["_build", "measured"]
 html_theme = "furo"
 html_title = f"arm3dof {version}"
 html_static_path: list[str] = []
@@ -39,6 +42,26 @@ autodoc_default_options = {"members": True, "show-inheritance": True}
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = False
+
+
+class Modules(SphinxDirective):
+    """Document every module of a package, but for what the page has documented already."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return what ``automodule`` makes of each module in turn."""
+        package = import_module(self.arguments[0])
+        lines = []
+        for found in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+            if found.ispkg or found.name.rpartition(".")[2].startswith("_"):
+                continue
+            public = [n for n in arm3dof.__all__ if found.name == arm3dof._MODULE_OF.get(n)]
+            lines += [f".. rubric:: {found.name}", "", f".. automodule:: {found.name}"]
+            lines += [f"   :exclude-members: {', '.join(public)}", ""] if public else [""]
+        node = nodes.section()
+        self.state.nested_parse(StringList(lines, self.arguments[0]), 0, node)
+        return node.children
 
 
 def _inline(translator: HTML5Translator, node: nodes.math) -> None:
@@ -69,9 +92,6 @@ def _skip_tuple_fields(
 def setup(app: Sphinx) -> None:
     """Write equations as MathML, which browsers draw without a script from another host."""
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
+    app.add_directive("modules", Modules)
     app.connect("autodoc-process-docstring", _keep_bars)
     app.connect("autodoc-skip-member", _skip_tuple_fields)
-    table = Path(app.srcdir) / "_generated" / "benchmarks.rst"
-    if not table.exists():
-        table.parent.mkdir(exist_ok=True)
-        table.write_text("Not measured on this machine yet.\n", encoding="utf-8")
