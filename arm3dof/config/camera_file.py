@@ -6,7 +6,9 @@ Everything in the file is in metres and pixels; hues are in OpenCV's half degree
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import tempfile
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -26,6 +28,8 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]
 Hsv = tuple[int, int, int]
+
+_BARE = "[A-Za-z0-9_-]+"  # a TOML key without quotes
 
 
 class CameraFile(NamedTuple):
@@ -71,7 +75,7 @@ class _Target(_Table):
 class _File(_Table):
     intrinsics: _Intrinsics
     pose: _Pose
-    targets: dict[Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")], _Target] = {}
+    targets: dict[Annotated[str, Field(pattern=f"^{_BARE}$")], _Target] = {}
 
 
 def presets() -> tuple[str, ...]:
@@ -193,7 +197,7 @@ def render_camera(camera: Camera, targets: Iterable[ColourTarget] = ()) -> str:
     for target in targets:
         lines += [
             "",
-            f"[targets.{target.name}]",
+            f"[targets.{_key(target.name)}]",
             f"hsv_low = {list(target.hsv.low)}",
             f"hsv_high = {list(target.hsv.high)}",
             f"width_m = {float(target.width_m)!r}",
@@ -201,6 +205,11 @@ def render_camera(camera: Camera, targets: Iterable[ColourTarget] = ()) -> str:
             f"width_sigma_m = {float(target.width_sigma_m)!r}",
         ]
     return "\n".join(lines) + "\n"
+
+
+def _key(name: str) -> str:
+    """Write a TOML key, in quotes where it must be."""
+    return name if re.fullmatch(_BARE, name) else json.dumps(name)
 
 
 def _camera(name: str, file: _File) -> Camera:

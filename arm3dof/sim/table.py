@@ -17,6 +17,7 @@ _WALL_LOW = np.array([[0.42], [0.46], [0.50]])
 _WALL_HIGH = np.array([[0.74], [0.78], [0.81]])
 _BOARD = 0.14  # width of a board [m]
 _CELL = 0.0015  # grid on which shadows are computed [m]
+_CELLS = 400  # and the most of its cells to a side, for the long shadows of a low lamp
 _FOOT = 3.0  # how far the foot of a solid is dimmed [bounding radii]
 
 
@@ -82,11 +83,13 @@ class Shadow:
 
     Attributes:
         corner: (x, y) of the first cell [m].
+        cell: distance of neighbouring cells [m].
         lamp: share of the lamp that each cell sees, shape (rows, columns).
         sky: share of the sky that each cell sees, shape (rows, columns).
     """
 
     corner: Array
+    cell: float
     lamp: Array
     sky: Array
 
@@ -106,8 +109,9 @@ class Shadow:
         low, high = middles.min(axis=1) - reach, middles.max(axis=1) + reach
         corner = np.minimum(low, centre[:2] - _FOOT * radius)
         far = np.maximum(high, centre[:2] + _FOOT * radius)
-        counts = np.ceil((far - corner) / _CELL).astype(int) + 2
-        x, y = (corner[k] + _CELL * np.arange(counts[k]) for k in (0, 1))
+        cell = max(_CELL, float((far - corner).max()) / _CELLS)
+        counts = np.ceil((far - corner) / cell).astype(int) + 2
+        x, y = (corner[k] + cell * np.arange(counts[k]) for k in (0, 1))
         lamp = np.ones((counts[0], counts[1]))
         rows, columns = (
             slice(*np.searchsorted(axis, [low[k], high[k]])) for k, axis in enumerate((x, y))
@@ -123,12 +127,12 @@ class Shadow:
             light = np.broadcast_to(-lamp_ray[:, None], feet.shape)
             met = solid.meet(feet + length * lamp_ray[:, None], light).distance < length
             dimmed -= met.reshape(dimmed.shape) / lamps.shape[1]
-        return cls(corner, lamp, _sky_share(solid, height, x[:, None], y[None, :]))
+        return cls(corner, cell, lamp, _sky_share(solid, height, x[:, None], y[None, :]))
 
     def dim(self, points: Reals, lamp: Reals, sky: Reals) -> None:
         """Multiply the shares of the lamp and the sky, (n,), at points on the table, (3, n)."""
         inside = self._inside(points)
-        place = (points[:2, inside] - self.corner.astype(points.dtype)[:, None]) / _CELL
+        place = (points[:2, inside] - self.corner.astype(points.dtype)[:, None]) / self.cell
         cell = place.astype(np.int32)
         s, t = place - cell
         stride = self.lamp.shape[1]
@@ -140,7 +144,7 @@ class Shadow:
             share[inside] *= low * (1 - s) + high * s
 
     def _inside(self, points: Reals) -> Faces:
-        far = self.corner + _CELL * (np.array(self.lamp.shape) - 1.01)
+        far = self.corner + self.cell * (np.array(self.lamp.shape) - 1.01)
         (x0, y0), (x1, y1) = self.corner.tolist(), far.tolist()
         x, y = points[0], points[1]
         return np.flatnonzero((x > x0) & (x < x1) & (y > y0) & (y < y1))

@@ -241,10 +241,11 @@ def rigid(transform: ArrayLike) -> Array:
         )
     rotation = matrix[:3, :3]
     error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if error > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+    determinant = float(np.linalg.det(rotation))
+    if error > _ROTATION_TOLERANCE or determinant < 0:
         raise InputError(
             f"rotation is {rotation.tolist()}; give a rotation matrix: orthonormal columns "
-            f"(these miss by {error:.2g}) and determinant +1 (this is {np.linalg.det(rotation):.2g})"
+            f"(these miss by {error:.2g}) and determinant +1 (this is {determinant:.2g})"
         )
     left, _, right = np.linalg.svd(rotation)
     matrix[:3, :3] = left @ right

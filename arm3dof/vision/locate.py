@@ -28,7 +28,7 @@ from arm3dof.vision.colour import (
 from arm3dof.vision.outline import Extent, extent, trace
 
 # what light and shade do to an edge beyond the noise that shows in it [px]
-_EDGE_SIGMA_PX = 0.13
+_EDGE_SIGMA_PX = 0.18
 # a ball's width and height may give depths that differ by this share
 _ROUNDNESS = 0.12
 

@@ -7,6 +7,7 @@ pixel on the edge is a mixture of the two, and the outline runs where the mixtur
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import cv2
@@ -25,13 +26,16 @@ _LIGHT_SIGMA, _SHADE_SIGMA = 0.006, 0.6
 # below this the two colours are one and the mixture says nothing
 _LEAST_DETERMINANT = 1e-7
 # an end of the outline needs this many points, none of them further from its parabola
-_FEWEST, _TRIM_PX = 5, 0.35
+_FEWEST, _TRIM_PX = 5, 0.5
 # and this share of the outline's length along the end
-_SUPPORT = 0.12
+_SUPPORT = 0.1
+# noise throws a point of the outline this far out [px]
+_THROW_PX = 1.5
 # a point this much further from the mask's edge than its neighbours is stray [px]
 _BUMP_PX = 1.25
-# cameras encode light with a gamma; mixtures add up in light
-_LIGHT = (np.linspace(0.0, 1.0, 256) ** 2.2).astype(np.float32)
+# A lens mixes light, which cameras encode with a gamma of 2.2; renderers often mix the codes, with
+# a gamma of 1. Halfway, either is wrong by a quarter of a pixel at most.
+_LIGHT = (np.linspace(0.0, 1.0, 256) ** 1.5).astype(np.float32)
 
 Bits = NDArray[np.bool_]
 Floats = NDArray[np.float32]
@@ -188,42 +192,47 @@ def _fraction(first: Array, second: Array) -> Array:
 def _end(across: Array, along: Array, pixel: float) -> tuple[float, float]:
     """Find the least ``across`` of an outline, and its standard deviation."""
     window = max(1.2 * pixel, 0.02 * float(np.ptp(across)))
-    least = _supported_minimum(
-        across, window, max(_FEWEST, _SUPPORT * float(np.ptp(along)) / pixel)
-    )
-    near = (across >= least) & (across < least + window)
-    s, t = (across[near] - least) / pixel, along[near]
-    middle, half = (t.max() + t.min()) / 2, np.ptp(t) / 2
-    if len(s) < _FEWEST or half == 0:
-        return least + pixel * float(s.mean()), pixel * (float(s.std()) + 0.3)
-    x = (t - middle) / half
+    least = _supported_minimum(across, window, _SUPPORT * float(np.ptp(along)) / pixel, pixel)
+    # in pixels from there, and along the end from -1 to 1
+    s = (across - least) / pixel
+    chosen = (s >= 0) & (s < window / pixel)
+    middle = (along[chosen].max() + along[chosen].min()) / 2
+    half = float(np.ptp(along[chosen])) / 2
+    if np.count_nonzero(chosen) < _FEWEST or half == 0:
+        return least + pixel * float(s[chosen].mean()), pixel * (float(s[chosen].std()) + 0.3)
+    x = (along - middle) / half
+    beside = np.abs(x) < 1 + 1e-9
+    s, x, chosen = s[beside], x[beside], chosen[beside]
     powers = np.column_stack([np.ones_like(x), x, x * x])
-    fit = _fit(powers, s)
-    for _ in range(3):
-        # corners and neighbouring sides are left out, for they are not part of this end
-        keep = np.abs(s - powers @ fit) < _TRIM_PX
-        if keep.all() or np.count_nonzero(keep) < _FEWEST:
+    fit = _fit(powers[chosen], s[chosen])
+    for _ in range(4):
+        # corners and other sides are no part of this end; what noise threw inward or outward is
+        again = np.abs(s - powers @ fit) < _TRIM_PX
+        if np.count_nonzero(again) < _FEWEST or np.array_equal(again, chosen):
             break
-        powers, s, x = powers[keep], s[keep], x[keep]
-        fit = _fit(powers, s)
-    places = [float(x.min()), float(x.max())]
+        chosen = again
+        fit = _fit(powers[chosen], s[chosen])
+    places = [float(x[chosen].min()), float(x[chosen].max())]
     if fit[2] > 0:
         places.append(float(np.clip(-fit[1] / (2 * fit[2]), places[0], places[1])))
     value = min(float(fit[0] + fit[1] * place + fit[2] * place**2) for place in places)
-    residual = s - powers @ fit
-    sigma = float(np.sqrt(residual @ residual / (len(s) - 3) * 3 / len(s)))
+    residual, count = s[chosen] - powers[chosen] @ fit, np.count_nonzero(chosen)
+    sigma = math.sqrt(float(residual @ residual) / (count - 3) * 3 / count)
     return least + pixel * value, pixel * sigma
 
 
-def _supported_minimum(across: Array, window: float, support: float) -> float:
+def _supported_minimum(across: Array, window: float, support: float, pixel: float) -> float:
     """Find the least value that has enough points within a window above it.
 
-    A stray bump of a pixel or two, where the scene behind changes colour, is passed over.
+    A stray bump, where the scene behind changes colour, is passed over, and so are the outermost
+    points that noise threw out, when most points crowd together a little further in.
     """
     ordered = np.sort(across)
     count = np.searchsorted(ordered, ordered + window) - np.arange(len(ordered))
-    enough = np.flatnonzero(count >= support)
-    return float(ordered[enough[0]]) if len(enough) else float(ordered[0])
+    enough = np.flatnonzero(count >= max(_FEWEST, support))
+    first = int(enough[0]) if len(enough) else 0
+    near = count[first : np.searchsorted(ordered, ordered[first] + _THROW_PX * pixel, "right")]
+    return float(ordered[first + int(np.argmax(near >= near.max() / 2))])
 
 
 def _fit(powers: Array, values: Array) -> Array:

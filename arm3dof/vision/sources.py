@@ -196,7 +196,7 @@ def _is_cut_short(data: bytes) -> bool:
         return b"IEND" not in data[-64:] and b"IEND\xaeB`\x82" not in data
     if data.startswith(b"\xff\xd8"):
         # a thumbnail in the header ends too, but before the scan of the picture itself
-        return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
+        return data.rfind(b"\xff\xd9") <= data.rfind(b"\xff\xda")
     return False
 
 
