@@ -11,13 +11,16 @@ import urllib.request
 from importlib import metadata
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 import arm3dof
-from arm3dof.cli import app, doctor
+from arm3dof.cli import app, doctor, view
 from arm3dof.cli import main as program
+from arm3dof.config.camera_file import load_camera, save_camera
 from arm3dof.model.library import bundled_urdf
+from arm3dof.ui.demo_scene import draw_demo
 
 COMMANDS = (
     "calibrate focal",
@@ -314,7 +317,7 @@ def test_simulate_says_no_when_the_arm_does_not_get_there(ask, run):
 def test_simulate_says_no_to_a_point_out_of_reach(ask, run):
     code, answer = ask("simulate", "--target-m", "1,0,0")
     assert code == 1
-    assert FIGURES < set(answer)
+    assert set(answer) > FIGURES
     assert answer["settled"] is False
     assert answer["peak_torque_nm"] is None
     assert answer["reason"] == "too_far"
@@ -347,6 +350,142 @@ def test_other_robots_settle_from_the_same_command(ask, robot):
     code, answer = ask("simulate", "--robot", robot)
     assert code == 0, answer
     assert answer["torque_violations"] == 0
+
+
+# ---- see, calibrate ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    """Return a drawn picture of the paper's camera as a file."""
+    path = tmp_path_factory.mktemp("table") / "table.png"
+    picture = draw_demo(load_camera("paper").camera, np.random.default_rng(0))
+    cv2.imwrite(str(path), picture)
+    return path
+
+
+def test_see_finds_what_is_named(ask, table):
+    code, answer = ask("see", table, "--camera", "paper", "--target", "green")
+    assert code == 0
+    assert set(answer) == {"found", "objects", "refused"}
+    (found,) = answer["objects"]
+    assert set(found) == {
+        "target",
+        "box_px",
+        "depth_m",
+        "depth_sigma_m",
+        "p_camera_m",
+        "p_base_m",
+        "sigma_m",
+    }
+    assert found["target"] == "green"
+    assert found["p_base_m"][2] == pytest.approx(-0.0875, abs=3e-3)
+    assert found["depth_m"] == found["p_camera_m"][2]
+
+
+def test_see_looks_for_all_targets_of_the_file(ask, run, table):
+    code, answer = ask("see", table, "--camera", "paper")
+    assert code == 0
+    assert {"green", "red", "blue"} <= {it["target"] for it in answer["objects"]}
+    out = run("see", table, "--camera", "paper")[1]
+    assert "green" in out
+    assert "depth [cm]" in out
+
+
+def test_see_by_colour_and_width(ask, table, tmp_path):
+    save_camera(tmp_path / "mine.toml", load_camera("paper").camera)
+    words = ["--camera", tmp_path / "mine.toml", "--hsv", "45,90,30,85,255,255"]
+    code, answer = ask("see", table, *words, "--width-m", "0.03")
+    assert code == 0
+    assert answer["objects"][0]["target"] == "object"
+    _, doubled = ask("see", table, *words, "--width-m", "0.06")
+    ratio = doubled["objects"][0]["depth_m"] / answer["objects"][0]["depth_m"]
+    assert ratio == pytest.approx(2)
+
+
+def test_see_writes_the_annotated_picture(run, table, tmp_path):
+    path = tmp_path / "new" / "seen.png"
+    code, out, _ = run("see", table, "--camera", "paper", "--target", "green", "--out", path)
+    assert code == 0
+    assert str(path) in out
+    assert np.any(cv2.imread(str(path)) != cv2.imread(str(table)))
+
+
+def test_see_says_no_and_why(ask, run, tmp_path):
+    picture = np.full((480, 640, 3), 128, np.uint8)
+    picture[:, :100] = (30, 160, 30)
+    cv2.imwrite(str(tmp_path / "cut.png"), picture)
+    words = ["see", tmp_path / "cut.png", "--camera", "paper", "--target", "green"]
+    code, answer = ask(*words)
+    assert code == 1
+    assert answer["found"] is False
+    assert answer["objects"] == []
+    assert "edge of the picture" in answer["refused"][0]["reason"]
+    code, out, _ = run(*words)
+    assert code == 1
+    assert "nothing found" in out
+    assert "not measured" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--target", "green"], "no camera"),
+        (["--camera", "none.toml"], "none.toml"),
+        (["--camera", "paper", "--target", "pink"], "paper has the targets: green"),
+        (["--camera", "paper", "--target", "red", "--hsv", "0,0,0,1,1,1"], "both given"),
+        (["--camera", "paper", "--hsv", "0,0,0,1,1,1"], "needs --width-m"),
+        (["--camera", "paper", "--width-m", "0.03"], "belongs to --hsv"),
+        (["--camera", "paper", "--hsv", "0,0,0", "--width-m", "1"], "give 6 numbers"),
+        (["--camera", "paper", "--hsv", "0,0,0,1,1,1.5", "--width-m", "1"], "whole numbers"),
+        (["--camera", "paper", "--hsv", "0,0,0,1,1,999", "--width-m", "1"], "999"),
+        (["--camera", "paper", "--hsv", "0,0,0,1,1,1", "--width-m", "-1"], "width_m"),
+    ],
+)
+def test_see_refuses(refused, table, words, reason):
+    assert reason in refused("see", table, *words)
+
+
+def test_see_refuses_what_is_no_picture(refused, tmp_path):
+    (tmp_path / "text.png").write_text("hello")
+    assert "text.png" in refused("see", tmp_path / "text.png", "--camera", "paper")
+    assert "none.png" in refused("see", "none.png", "--camera", "paper")
+
+
+def test_see_refuses_a_camera_without_targets(refused, table, tmp_path):
+    save_camera(tmp_path / "mine.toml", load_camera("paper").camera)
+    assert "has no targets" in refused("see", table, "--camera", tmp_path / "mine.toml")
+
+
+def test_calibrate_focal(ask, run, tmp_path):
+    picture = np.full((480, 640, 3), 128, np.uint8)
+    picture[200:280, 260:380] = (30, 160, 30)  # 120 px wide
+    cv2.imwrite(str(tmp_path / "card.png"), picture)
+    words = ["calibrate", "focal", tmp_path / "card.png", "--distance-m", "0.5", "--width-m", "0.1"]
+    code, answer = ask(*words)
+    assert code == 0
+    assert answer["focal_px"] == pytest.approx(600, rel=0.01)
+    by_colour = ask(*words, "--hsv", "45,90,30,85,255,255")[1]
+    assert by_colour["focal_px"] == pytest.approx(600, rel=0.01)
+    assert "focal length" in run(*words)[1]
+    code, answer = ask(*words, "--hsv", "100,90,30,120,255,255")
+    assert (code, answer) == (1, {"focal_px": None})
+    code, out, _ = run(*words, "--hsv", "100,90,30,120,255,255")
+    assert code == 1
+    assert "no whole object" in out
+
+
+def test_calibrate_focal_without_an_object(ask, tmp_path):
+    cv2.imwrite(str(tmp_path / "grey.png"), np.full((48, 64, 3), 128, np.uint8))
+    words = ["--distance-m", "0.5", "--width-m", "0.1"]
+    code, answer = ask("calibrate", "focal", tmp_path / "grey.png", *words)
+    assert (code, answer["focal_px"]) == (1, None)
+
+
+def test_calibrate_focal_refuses(refused, table):
+    words = ["calibrate", "focal", table, "--width-m", "0.03"]
+    assert "--distance-m" in refused(*words)
+    assert "distance_m is -1" in refused(*words, "--distance-m", "-1")
 
 
 # ---- view --------------------------------------------------------------------------------------
@@ -400,6 +539,26 @@ def test_view_takes_another_port_when_the_usual_one_is_taken(saved_run):
     assert [stop(process)[0] for process in (first, second)] == [0, 0]
 
 
+@pytest.mark.parametrize("desktop", [True, False])
+def test_view_opens_a_browser_where_there_is_a_desktop(monkeypatch, run, saved_run, desktop):
+    opened = []
+
+    def interrupted(server):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("arm3dof.ui.server.LocalServer.wait", interrupted)
+    monkeypatch.setattr(view.webbrowser, "open", opened.append)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: desktop)
+    monkeypatch.setenv("DISPLAY", ":0")
+    code, out, err = run("view", saved_run, "--port", "0")
+    assert (code, err) == (0, "stopped\n")
+    assert "http://127.0.0.1:" in out
+    assert len(opened) == int(desktop)
+    opened.clear()
+    run("view", saved_run, "--port", "0", "--no-browser")
+    assert not opened
+
+
 def test_view_refuses(refused, saved_run, tmp_path):
     assert "no such recording" in refused("view", tmp_path / "none.npz")
     (tmp_path / "text.npz").write_text("hello")
@@ -439,6 +598,20 @@ def test_doctor_sees_what_is_missing(monkeypatch, ask, run):
     assert robots["ok"]
     assert "arm3dof[robots]" in robots["cure"]
     assert "->" in run("doctor")[1]
+
+
+def test_doctor_on_a_bare_machine(monkeypatch):
+    """A taken port, no GL and no browser are said, and none of them stands in the way."""
+    monkeypatch.setattr(doctor.shutil, "which", lambda name: None)
+    monkeypatch.setattr(doctor.ctypes.util, "find_library", lambda name: None)
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        monkeypatch.setattr(doctor, "VIEWER_PORT", other.getsockname()[1])
+        findings = {finding.found: finding for finding in doctor.examine()}
+    for found in ("taken", "no GL library", "none found"):
+        assert findings[found].ok
+        assert findings[found].cure
 
 
 def test_doctor_sees_a_shadowing_install(monkeypatch, tmp_path):
