@@ -85,7 +85,7 @@ def test_with_active_limits_the_solution_satisfies_the_kkt_conditions(robot):
     assert at_limit > 50
 
 
-@pytest.mark.parametrize("formulation", ["tracking", "paper"])
+@pytest.mark.parametrize("formulation", ["tracking", "torque", "paper"])
 def test_the_optimum_is_that_of_the_qp_with_every_limit(robot, formulation):
     rng = np.random.default_rng(4)
     tight = {
@@ -128,11 +128,12 @@ def test_every_limit_of_the_full_program_holds_in_the_prediction(robot):
             assert (target - e >= limits.q_min - 1e-5).all()
 
 
-def test_the_papers_experiment_settles_inside_every_limit(robot):
+@pytest.mark.parametrize("formulation", ["tracking", "torque", "paper"])
+def test_the_papers_experiment_settles_inside_every_limit(robot, formulation):
     plant = PinocchioPlant(robot)
     plant.reset(JointState(0.0, np.zeros(3), np.zeros(3)))
     recording = run_loop(
-        plant, MpcController(robot, MpcSettings(formulation="paper")), PAPER_TARGET, 6.0
+        plant, MpcController(robot, MpcSettings(formulation=formulation)), PAPER_TARGET, 6.0
     )
     metrics = summarise(recording)
     assert metrics.settled
@@ -192,6 +193,10 @@ def fuzz(robot, settings, seed, steps):
 
 FUZZED = {
     "default": MpcSettings(),
+    "paper": MpcSettings(formulation="paper"),
+    "torque": MpcSettings(formulation="torque"),
+    "torque rate": MpcSettings(torque_rate=5.0),
+    "blocks and delay": MpcSettings(blocks=(1, 1, 2, 4, 12), delay=0.08),
     "one stage": MpcSettings(horizon=1),
     "no weights": MpcSettings(state_weight=(0, 0), input_weight=0, terminal_weight=(0, 0)),
     "no input weight": MpcSettings(input_weight=0, terminal_weight=(1, 1)),

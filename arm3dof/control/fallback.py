@@ -32,12 +32,14 @@ class Answer(NamedTuple):
 
     Attributes:
         tau: torque, not yet limited, shape (nv,) [N m].
+        rigid: the part of it that does not fight dry friction, shape (nv,) [N m].
         u: the controller's input of (22), shape (nv,) [rad/s^2].
         plan: what the arm is expected to do, at least one stage.
         source: where the torque comes from.
     """
 
     tau: Array
+    rigid: Array
     u: Array
     plan: Plan
     source: TorqueSource
@@ -87,7 +89,7 @@ class Fallback:
         if believed is None:
             nothing = np.zeros((1, self._robot.nv))
             plan = Plan(nothing, nothing, nothing)
-            return Answer(nothing[0], nothing[0], plan, TorqueSource.BRAKING)
+            return Answer(nothing[0], nothing[0], nothing[0], plan, TorqueSource.BRAKING)
         if self._plan is not None and self._age <= min(self._most_steps, len(self._plan.u) - 1):
             rest = Plan(*(part[self._age :] for part in self._plan))
             u, source = rest.u[0], TorqueSource.PREVIOUS_PLAN
@@ -96,7 +98,8 @@ class Fallback:
             rest = Plan(u[np.newaxis], believed.q[np.newaxis], believed.v[np.newaxis])
             source = TorqueSource.BRAKING
         tau = self._robot.inverse_dynamics(believed.q, believed.v, u) - disturbance
-        return Answer(tau, u, rest, source)
+        rigid = tau - self._robot.friction * np.sign(believed.v)
+        return Answer(tau, rigid, u, rest, source)
 
     def _believed(self) -> JointState | None:
         """Return where the plan says that the arm is now; at rest once the plan has ended."""

@@ -21,7 +21,6 @@ from arm3dof.control.settings import MpcSettings
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState, frozen_array
 
-_WORST_CONDITION = 1e8
 _REGULARISATION = 1e-10  # share of the Hessian's largest entry that is added to its diagonal
 
 
@@ -68,7 +67,7 @@ class Formulation(Protocol):
 
         Args:
             state: state at stage 0.
-            reference: what to follow at stages 0..N.
+            reference: what to follow at stages 0..N; one row for a constant target.
             plan: accelerations of the last plan, shifted to now, shape (N, nv) [rad/s^2].
             disturbance: estimated torque that acts beside ours, shape (nv,) [N m].
         """
@@ -102,7 +101,7 @@ def blocked(columns: Array, blocks: NDArray[np.intp], nv: int) -> Array:
     return np.add.reduceat(stages, starts, axis=-2).reshape(*columns.shape[:-1], -1)
 
 
-def invert_hessian(hessian: Array) -> tuple[Array, Array]:
+def invert_hessian(hessian: Array, worst_condition: float = 1e9) -> tuple[Array, Array]:
     """Return a Hessian and its inverse, made positive definite where weights of zero left it not.
 
     Raises:
@@ -113,9 +112,15 @@ def invert_hessian(hessian: Array) -> tuple[Array, Array]:
     largest = float(hessian.diagonal().max(initial=0.0))
     regular = hessian + np.eye(size) * max(_REGULARISATION * largest, 1e-12)
     inverse = np.linalg.inv(regular)
-    if not largest * float(np.abs(inverse).max()) < _WORST_CONDITION:
+    if not largest * float(np.abs(inverse).max()) < worst_condition:
         raise np.linalg.LinAlgError("ill-conditioned Hessian")
     return frozen_array(regular, size, size, name="H"), (inverse + inverse.T) / 2
+
+
+def solve_hessian(hessian: Array, inverse: Array, right: Array) -> Array:
+    """Return H^-1 right, with one step of refinement against a badly conditioned H."""
+    first = inverse @ right
+    return first + inverse @ (right - hessian @ first)
 
 
 def damping_share(robot: Robot, dt: float) -> Array:
@@ -125,7 +130,11 @@ def damping_share(robot: Robot, dt: float) -> Array:
     share = 1 / (1 - exp(-r)) - 1 / r and r = D dt / m: the middle for light damping, the end for
     damping that settles within the sample. m is taken in the middle of the joint range.
     """
-    middle = robot.limits.q_min / 2 + robot.limits.q_max / 2
-    mass = robot.mass_matrix(np.where(np.isfinite(middle), middle, 0.0)).diagonal()
-    rate = np.maximum(robot.damping * dt / mass, 1e-3)
+    rate = np.maximum(robot.damping * dt / middle_inertia(robot), 1e-3)
     return 1.0 / -np.expm1(-rate) - 1.0 / rate
+
+
+def middle_inertia(robot: Robot) -> Array:
+    """Return the inertia that each joint turns in the middle of its range, shape (nv,) [kg m^2]."""
+    middle = robot.limits.q_min / 2 + robot.limits.q_max / 2
+    return robot.mass_matrix(np.where(np.isfinite(middle), middle, 0.0)).diagonal()

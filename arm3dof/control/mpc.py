@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from arm3dof.control.qp import QpStatus
 from arm3dof.control.reference import Reference, Target, sample_target
 from arm3dof.control.settings import MpcSettings
 from arm3dof.control.step import ControlStatus, ControlStep, TorqueSource
+from arm3dof.control.torque import TorqueFormulation
 from arm3dof.control.tracking import TrackingFormulation
 from arm3dof.errors import InputError
 from arm3dof.model.robot import Robot
@@ -25,8 +27,9 @@ _FRICTION_SHARE = 0.9  # friction compensation never takes more of the torque li
 _MOST_OVERSPEED = 10.0  # a speed of more than this many times its limit is a broken measurement
 _MOST_OUTSIDE = 2 * np.pi  # [rad]: and so is a position this far outside its range
 _TARGET_JUMP = 0.1  # [rad]: a target that moves more in one step makes the last plan useless
-_FORMULATIONS: dict[str, type[PaperFormulation] | type[TrackingFormulation]] = {
+_FORMULATIONS: dict[str, Callable[[Robot, MpcSettings], Formulation]] = {
     "tracking": TrackingFormulation,
+    "torque": TorqueFormulation,
     "paper": PaperFormulation,
 }
 
@@ -59,6 +62,11 @@ class MpcController:
         scale = max(float(np.abs(self._formulation.weights.Q).max()), 1e-6)
         self._bounds = Bounds.of(
             robot.limits, tau_max - self._friction, self.settings.limit_weight * scale
+        )
+        self._believable = (
+            robot.limits.q_min - _MOST_OUTSIDE,
+            robot.limits.q_max + _MOST_OUTSIDE,
+            _MOST_OVERSPEED * robot.limits.v_max,
         )
         self._most_change = self._torque_change()
         self._tau: Array | None = None
@@ -114,9 +122,12 @@ class MpcController:
         self._fallback.remember(plan)
         self._formulation.advance()
         self._solver.advance()
-        tau = optimum.tau[0] + self._friction_compensation(plan.v[1])
+        rigid = optimum.tau[0]
+        tau = rigid + self._friction_compensation(plan.v[1])
         status = ControlStatus.SOFTENED if optimum.softened else ControlStatus.SOLVED
-        answer = Answer(tau, optimum.w[: tau.size], plan, TorqueSource.OPTIMUM)
+        # the paper's u leaves the Coriolis torque out; otherwise u is the acceleration
+        u = optimum.w[: tau.size] if self.settings.formulation == "paper" else plan.u[0]
+        answer = Answer(tau, rigid, u, plan, TorqueSource.OPTIMUM)
         return self._finish(answer, reference, status, start)
 
     def optimise(self, state: JointState, target: Target) -> Optimum:
@@ -173,13 +184,12 @@ class MpcController:
     def _plan(self, state: JointState, optimum: Optimum) -> Plan:
         q = np.concatenate([state.q[np.newaxis], optimum.states[0]])
         v = np.concatenate([state.v[np.newaxis], optimum.states[1]])
-        return Plan(np.diff(v, axis=0) / self.dt, q, v)
+        return Plan((v[1:] - v[:-1]) / self.dt, q, v)
 
     def _is_plausible(self, state: JointState) -> bool:
-        limits = self.robot.limits
-        low, high = limits.q_min - _MOST_OUTSIDE, limits.q_max + _MOST_OUTSIDE
-        in_range = (state.q >= low) & (state.q <= high)
-        return bool((in_range & (np.abs(state.v) <= _MOST_OVERSPEED * limits.v_max)).all())
+        low, high, speed = self._believable
+        plausible = (state.q >= low) & (state.q <= high) & (np.abs(state.v) <= speed)
+        return bool(plausible.all())
 
     def _torque_change(self) -> Array | None:
         """Return the largest change of torque in a step, shape (nv,) [N m]."""
@@ -193,7 +203,7 @@ class MpcController:
         return change
 
     def _friction_compensation(self, v_next: Array) -> Array:
-        return self._friction * np.clip(v_next / _STICTION_SPEED, -1.0, 1.0)
+        return self._friction * np.minimum(np.maximum(v_next / _STICTION_SPEED, -1.0), 1.0)
 
     def _fall_back(
         self, state: JointState | None, reference: Reference, status: ControlStatus, start: float
@@ -205,11 +215,12 @@ class MpcController:
         self, answer: Answer, reference: Reference, status: ControlStatus, start: float
     ) -> ControlStep:
         tau_max = self.robot.limits.tau_max
-        tau = np.clip(np.nan_to_num(answer.tau, posinf=np.inf, neginf=-np.inf), -tau_max, tau_max)
-        self.observer.command(answer.plan.u[0])
+        tau = answer.tau if np.isfinite(answer.tau).all() else np.nan_to_num(answer.tau)
+        tau = np.minimum(np.maximum(tau, -tau_max), tau_max)
+        self.observer.command(answer.plan.u[0], tau - (answer.tau - answer.rigid))
         self._tau = tau
         rows = len(answer.plan.q)
-        target = reference.q[:rows] if len(reference.q) >= rows else reference.q[:1]
+        target = reference.q if len(reference.q) == 1 else reference.q[:rows]
         plan = np.concatenate([target - answer.plan.q, answer.plan.v], axis=1)
         u = np.array(answer.u)
         for array in (tau, u, plan):

@@ -1,12 +1,9 @@
-"""What the controller learns from how the arm answered: a disturbance, and where the arm will be.
+"""What the controller learns from how the arm answered: load, disturbance, where it will be.
 
-Each command was meant to give a known acceleration u. While the command acts the arm obeys
-
-    M a = tau - h + d,    and the command was computed from    M u = tau - h + d_hat,
-
-so M (a - u) = d - d_hat: the difference between measured and intended acceleration shows what the
-estimate d_hat misses. The same intended accelerations tell where the arm will be when a command
-that is computed now begins to act.
+A command holds a torque for one sample, and was meant to give a known acceleration. What the arm
+did instead shows what the model misses (``load``), and what is left of that is a disturbance
+torque. The intended accelerations also tell where the arm will be when a command that is computed
+now begins to act.
 """
 
 from __future__ import annotations
@@ -15,6 +12,7 @@ from collections import deque
 
 import numpy as np
 
+from arm3dof.control.load import LoadEstimator
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState
 
@@ -22,10 +20,11 @@ _JUMP = 0.05  # [rad]: a position this far from where the velocities lead has ju
 
 
 class Observer:
-    """Estimates the disturbance torque and predicts the state over the declared delay.
+    """Estimates load and disturbance, and predicts the state over the declared delay.
 
     Attributes:
         disturbance: estimated torque that acts beside the commanded one, shape (nv,) [N m].
+        estimator: what is known about the load.
         jumped: whether the last measured position does not follow from the one before it and the
             velocities; such a step teaches nothing about torques.
     """
@@ -34,22 +33,28 @@ class Observer:
         """Create an observer that has seen nothing.
 
         Args:
-            robot: the robot.
+            robot: the controller's own robot; it is taught what is learned about the load.
             dt: time between steps [s].
-            gain: share of the missing disturbance that is learned in each step, 0 to 1.
+            gain: share of an unexplained torque that is learned in each step, 0 to 1; 0 learns
+                nothing at all.
             delay: time from a measurement to when the torque computed from it acts [s].
         """
         self._robot, self._dt, self._gain = robot, dt, gain
         self._whole = int(delay / dt + 1e-9)
         self._part = max(delay - self._whole * dt, 0.0)
+        self.estimator = LoadEstimator(robot)
         self.reset()
 
     def reset(self) -> None:
         """Forget the past."""
-        nv = self._robot.nv
-        self.disturbance = np.zeros(nv)
-        # intended accelerations of the commands that act or are on their way, oldest first
-        self._commands = deque([np.zeros(nv)] * (self._whole + 2), maxlen=self._whole + 2)
+        nothing = np.zeros(self._robot.nv)
+        self.disturbance = nothing
+        self.estimator.reset()
+        self.estimator.teach(self._robot)
+        # acceleration and torque of the commands that act or are on their way, oldest first
+        length = self._whole + 2
+        self._commands = deque([(nothing, nothing)] * length, maxlen=length)
+        self._known = 0  # how many of them were given
         self._last: JointState | None = None
         self.jumped = True
 
@@ -57,24 +62,12 @@ class Observer:
         """Learn from a measured state that can be believed."""
         self.jumped = self._last is None or self._has_jumped(self._last, state)
         if self._last is not None and not self.jumped and self._gain > 0:
-            acceleration = (state.v - self._last.v) / self._dt
-            older, newer = self._commands[0], self._commands[1]
-            share = self._part / self._dt
-            intended = share * older + (1 - share) * newer
-            mass = self._robot.mass_matrix(self._last.q)
-            missing = mass @ (acceleration - intended)
-            limit = self._robot.limits.tau_max
-            self.disturbance = np.clip(self.disturbance + self._gain * missing, -limit, limit)
+            self._learn(self._last, state)
         self._last = state
 
     def lose(self) -> None:
         """Note that this step's measurement cannot be believed."""
         self._last, self.jumped = None, True
-
-    def _has_jumped(self, last: JointState, state: JointState) -> bool:
-        slack = _JUMP + 0.5 * self._dt * np.abs(state.v - last.v)
-        travelled = self._dt / 2 * (last.v + state.v)
-        return bool((np.abs(state.q - last.q - travelled) > slack).any())
 
     def predict(self, state: JointState) -> JointState:
         """Return the state at the time when a command computed now begins to act."""
@@ -82,15 +75,34 @@ class Observer:
             return state
         t, q, v = state.t, np.array(state.q), np.array(state.v)
         spans = [self._part] + [self._dt] * self._whole
-        for span, u in zip(spans, list(self._commands)[1:], strict=True):
+        for span, (u, _) in zip(spans, list(self._commands)[1:], strict=True):
             t, q, v = t + span, q + span * v + span**2 / 2 * u, v + span * u
         return JointState(t, q, v)
 
-    def command(self, acceleration: Array) -> None:
-        """Note the acceleration that this step's command is meant to give."""
-        self._commands.append(np.array(acceleration))
+    def command(self, acceleration: Array, torque: Array) -> None:
+        """Note this step's command.
 
-    def load(self, q: Array) -> float:
-        """Return the mass at the tool that would explain the disturbance at rest [kg]."""
-        lift = self._robot.jacobian(q)[:3].T @ self._robot.gravity_acceleration
-        return float(lift @ self.disturbance / max(float(lift @ lift), 1e-12))
+        Args:
+            acceleration: what it is meant to give, shape (nv,) [rad/s^2].
+            torque: its torque without friction compensation, shape (nv,) [N m].
+        """
+        self._commands.append((acceleration, torque))
+        self._known += 1
+
+    def _learn(self, last: JointState, state: JointState) -> None:
+        if self._known < len(self._commands):
+            return  # what acted before the first command is not known
+        share = self._part / self._dt
+        torque = share * self._commands[0][1] + (1 - share) * self._commands[1][1]
+        acceleration = (state.v - last.v) / self._dt
+        q, v = (last.q + state.q) / 2, (last.v + state.v) / 2
+        missing = self.estimator.learn(q, v, acceleration, torque)
+        self.estimator.teach(self._robot)
+        limit = self._robot.limits.tau_max
+        learned = self.disturbance + self._gain * (-missing - self.disturbance)
+        self.disturbance = np.minimum(np.maximum(learned, -limit), limit)
+
+    def _has_jumped(self, last: JointState, state: JointState) -> bool:
+        slack = _JUMP + 0.5 * self._dt * np.abs(state.v - last.v)
+        travelled = self._dt / 2 * (last.v + state.v)
+        return bool((np.abs(state.q - last.q - travelled) > slack).any())

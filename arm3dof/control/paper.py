@@ -11,6 +11,7 @@ from arm3dof.control.formulation import (
     damping_share,
     discretise,
     invert_hessian,
+    solve_hessian,
 )
 from arm3dof.control.prediction import (
     Condensed,
@@ -81,7 +82,7 @@ class PaperFormulation:
         return Program(
             hessian=hessian,
             hessian_inverse=inverse,
-            w_free=-inverse @ gradient,
+            w_free=-solve_hessian(hessian, inverse, gradient),
             block_of_stage=self._blocks,
             torque_gain=np.broadcast_to(gain, (horizon, nv, nv)),
             torque_offset=np.broadcast_to(offset, (horizon, nv)),

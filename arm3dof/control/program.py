@@ -33,6 +33,7 @@ from arm3dof.state import Array
 
 _TOLERANCE = 1e-6  # a limit counts as kept up to this share of its size (1 rad, 1 rad/s at least)
 _MOST_ROUNDS = 8
+_IDLE = 1e-9  # a multiplier below this share of the largest did not matter
 
 
 class Program(NamedTuple):
@@ -85,14 +86,16 @@ class Bounds(NamedTuple):
     """Limits of each kind of row: torque, position, velocity and, if limited, torque rate.
 
     Attributes:
-        low: shape (kinds, nv) [N m, rad, rad/s, N m].
-        high: shape (kinds, nv).
+        low: shape (kinds, 1, nv) [N m, rad, rad/s, N m].
+        high: shape (kinds, 1, nv).
+        tolerance: excess up to which a limit counts as kept, shape (kinds, 1, nv).
         price: most that a unit of violation may cost, ``UNBOUNDED`` for a hard limit, (kinds,).
         last_torque: torque before stage 0, which the rate counts from, shape (nv,) [N m].
     """
 
     low: Array
     high: Array
+    tolerance: Array
     price: Array
     last_torque: Array
 
@@ -105,10 +108,10 @@ class Bounds(NamedTuple):
             tau_max: torque limit, shape (nv,) [N m].
             soft_price: price of leaving a position or velocity limit.
         """
-        high = np.stack([tau_max, limits.q_max, limits.v_max])
-        low = np.stack([-tau_max, limits.q_min, -limits.v_max])
+        high = np.stack([tau_max, limits.q_max, limits.v_max])[:, np.newaxis]
+        low = np.stack([-tau_max, limits.q_min, -limits.v_max])[:, np.newaxis]
         price = np.array([UNBOUNDED, soft_price, soft_price])
-        return Bounds(low, high, price, np.zeros_like(tau_max))
+        return Bounds(low, high, _tolerance(high), price, np.zeros_like(tau_max))
 
     def with_rate(self, change: Array, last_torque: Array) -> Bounds:
         """Limit the change of torque from stage to stage as well.
@@ -117,12 +120,11 @@ class Bounds(NamedTuple):
             change: largest change, shape (nv,) [N m].
             last_torque: torque in force now, shape (nv,) [N m].
         """
-        return Bounds(
-            np.vstack([self.low[:3], -change]),
-            np.vstack([self.high[:3], change]),
-            np.append(self.price[:3], UNBOUNDED),
-            last_torque,
-        )
+        most = change[np.newaxis, np.newaxis]
+        high = np.concatenate([self.high[:3], most])
+        low = np.concatenate([self.low[:3], -most])
+        price = np.append(self.price[:3], UNBOUNDED)
+        return Bounds(low, high, _tolerance(high), price, last_torque)
 
 
 class Optimum(NamedTuple):
@@ -178,7 +180,7 @@ class Optimum(NamedTuple):
         C, _ = _signed_rows(program, rows)
         at_zero = _values(program, np.zeros_like(self.w), bounds)[rows[0]]
         low, high = (
-            np.broadcast_to(side[:, np.newaxis], rows[0].shape)[rows[0]] - at_zero
+            np.broadcast_to(side, rows[0].shape)[rows[0]] - at_zero
             for side in (bounds.low, bounds.high)
         )
         gradient = -program.hessian @ program.w_free
@@ -205,37 +207,60 @@ class ProgramSolver:
 
     def solve(self, program: Program, bounds: Bounds) -> Optimum:
         """Return the optimum of a program."""
-        w, z = program.w_free, np.zeros(0)
+        w = program.w_free
         values = _values(program, w, bounds)
-        excess_free = _excess(values, bounds)
-        tolerance = _TOLERANCE * np.maximum(np.abs(bounds.high), 1.0)[:, np.newaxis, :]
-        beyond = excess_free > tolerance
-        broken = beyond.copy()
+        excess = _excess(values, bounds)
+        broken = excess > bounds.tolerance
+        if not np.isfinite(values).all():
+            return self._optimum(w, values, QpStatus.NOT_FINITE, broken, program, bounds)
+        if not broken.any():
+            self._likely = None
+            return self._optimum(w, values, QpStatus.SOLVED, broken, program, bounds)
+        return self._solve_limited(program, bounds, excess, broken)
+
+    def _solve_limited(
+        self, program: Program, bounds: Bounds, excess_free: Array, broken: NDArray[np.bool_]
+    ) -> Optimum:
+        """Add the limits that are broken until none is."""
+        free = np.ones_like(broken)
+        free[:, 1:3] = ~_fixed(program)
         rows = np.zeros_like(broken)
-        status = QpStatus.SOLVED if np.isfinite(values).all() else QpStatus.NOT_FINITE
-        if broken.any() and self._likely is not None and self._likely.shape == broken.shape:
-            rows |= self._likely
-        if broken.any():
-            fixed = _fixed(program)
-            broken[:, 1:3] &= ~fixed
-            rows[:, 1:3] &= ~fixed
-        rounds = 0
-        while broken.any() and status is QpStatus.SOLVED:
-            rounds += 1
-            if rounds > _MOST_ROUNDS:
-                status = QpStatus.ITERATION_LIMIT
-                break
-            rows |= broken
+        if not (broken & free).any():  # what is broken, no decision can mend
+            values = _values(program, program.w_free, bounds)
+            return self._optimum(program.w_free, values, QpStatus.SOLVED, broken, program, bounds)
+        if self._likely is not None and self._likely.shape == rows.shape:
+            rows |= self._likely & free
+        new = broken & free
+        w, z, status = program.w_free, np.zeros(0), QpStatus.SOLVED
+        for _ in range(_MOST_ROUNDS):
+            rows |= new
             w, z, status = self._solve_dual(program, bounds, rows, excess_free)
             values = _values(program, w, bounds)
-            beyond = _excess(values, bounds) > tolerance
-            broken = beyond & ~rows
-            broken[:, 1:3] &= ~fixed
-        soft = beyond & (bounds.price < UNBOUNDED)[:, np.newaxis, np.newaxis]
-        self._remember(rows, z)
-        return Optimum(
-            w, values[0], values[1:3], status, bool(soft.any()), rows, z, program, bounds
-        )
+            broken = _excess(values, bounds) > bounds.tolerance
+            new = broken & free & ~rows
+            if status is not QpStatus.SOLVED or not new.any():
+                break
+        else:
+            status = QpStatus.ITERATION_LIMIT
+        self._likely = np.zeros_like(rows)
+        self._likely[rows] = z > _IDLE * z.max(initial=0.0)
+        return self._optimum(w, values, status, broken, program, bounds, rows, z)
+
+    @staticmethod
+    def _optimum(
+        w: Array,
+        values: Array,
+        status: QpStatus,
+        broken: NDArray[np.bool_],
+        program: Program,
+        bounds: Bounds,
+        rows: NDArray[np.bool_] | None = None,
+        multipliers: Array | None = None,
+    ) -> Optimum:
+        softened = bool(broken[:, 1:3].any())
+        rows = np.zeros_like(broken) if rows is None else rows
+        z = np.zeros(0) if multipliers is None else multipliers
+        return Optimum(w, values[0], values[1:3], status, softened, rows, z, program, bounds)
 
     def _solve_dual(
         self, program: Program, bounds: Bounds, rows: NDArray[np.bool_], excess_free: Array
@@ -243,7 +268,10 @@ class ProgramSolver:
         """Return w, the multipliers of the chosen rows, and how the solve ended."""
         C, kinds = _signed_rows(program, rows)
         through = C @ program.hessian_inverse
+        through += (C - through @ program.hessian) @ program.hessian_inverse
         gram = through @ C.T
+        if not (gram.diagonal() > 0).all():  # an overflow, or a row lost to rounding
+            return program.w_free, np.zeros(len(C)), QpStatus.NOT_FINITE
         scale = 1.0 / np.sqrt(gram.diagonal())
         k = scale.size
         dual = QuadraticProgram(
@@ -259,26 +287,27 @@ class ProgramSolver:
         z = np.clip(solution.x * scale, 0.0, bounds.price[kinds])
         return program.w_free - z @ through, z, solution.status
 
-    def _remember(self, rows: NDArray[np.bool_], z: Array) -> None:
-        likely = np.zeros_like(rows)
-        if z.size:
-            likely[rows] = z > 1e-9 * z.max()
-        self._likely = likely
-
 
 def _values(program: Program, w: Array, bounds: Bounds) -> Array:
     """Return torque, position, velocity and torque change of each stage, (kinds, N, nv)."""
-    torque, states = program.torques(w), program.states(w)
-    if len(bounds.high) == 3:
-        return np.concatenate([torque[np.newaxis], states])
-    change = np.diff(torque, axis=0, prepend=bounds.last_torque[np.newaxis])
-    return np.concatenate([torque[np.newaxis], states, change[np.newaxis]])
+    torque = program.torques(w)
+    values = np.empty((len(bounds.high), *torque.shape))
+    values[0], values[1:3] = torque, program.states(w)
+    if len(values) == 4:
+        values[3] = np.diff(torque, axis=0, prepend=bounds.last_torque[np.newaxis])
+    return values
 
 
 def _excess(values: Array, bounds: Bounds) -> Array:
     """Return by how much each value is above its upper and below its lower limit."""
-    high, low = bounds.high[:, np.newaxis, :], bounds.low[:, np.newaxis, :]
-    return np.stack([values - high, low - values])
+    excess = np.empty((2, *values.shape))
+    np.subtract(values, bounds.high, out=excess[0])
+    np.subtract(bounds.low, values, out=excess[1])
+    return excess
+
+
+def _tolerance(high: Array) -> Array:
+    return _TOLERANCE * np.maximum(np.abs(high), 1.0)
 
 
 def _fixed(program: Program) -> NDArray[np.bool_]:

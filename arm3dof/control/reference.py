@@ -17,7 +17,7 @@ class Reference(NamedTuple):
     """A target sampled at some times.
 
     Attributes:
-        q: positions, shape (k, nv) [rad].
+        q: positions, shape (k, nv) [rad]; one row for a constant target.
         v: velocities, shape (k, nv) [rad/s].
     """
 
@@ -93,7 +93,7 @@ def sample_target(target: Target, nv: int, t: float, dt: float, stages: int) -> 
             raise InputError(f"the trajectory has {target.q.shape[1]} joints; the robot has {nv}")
         return target.sample(t + dt * np.arange(stages + 1))
     q = frozen_array(target, nv, name="q_target")
-    return Reference(np.broadcast_to(q, (stages + 1, nv)), np.zeros((stages + 1, nv)))
+    return Reference(q[np.newaxis], np.zeros((1, nv)))
 
 
 def cartesian_path(robot: Robot, points: ArrayLike, times: ArrayLike) -> JointTrajectory:

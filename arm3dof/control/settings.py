@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +22,7 @@ class MpcSettings:
     The state is x = [e; v]: e = q_target - q in rad, v in rad/s; the input u is a joint
     acceleration in rad/s^2, so one choice of weights suits light and heavy arms alike. A ratio
     ``position weight / input_weight`` = w^4 makes each joint behave like a critically damped
-    servo of about w rad/s: the default, 1 / 0.001, settles in roughly one second. A larger
+    servo of about w rad/s: the default, w = 10, settles in roughly 0.8 s. A larger
     velocity weight slows the arm and damps it; a larger input weight saves energy and lets the
     error live longer.
 
@@ -43,7 +43,7 @@ class MpcSettings:
             to ``horizon``; ``None`` decides for every stage.
         torque_rate: largest change of torque, one number or one a joint [N m/s]; ``None``: any.
         observer_gain: share of an unexplained torque that is taken for a disturbance in each
-            step, from 0 (no observer) to 1; ``None`` takes 0 for ``"paper"`` and 0.3 otherwise.
+            step, from 0 (no observer) to 1; ``None`` takes 0 for ``"paper"`` and 0.5 otherwise.
         delay: time from a measurement to when the torque computed from it acts [s]; the state is
             predicted over it.
         limit_weight: price of leaving a velocity or joint limit, in multiples of the largest
@@ -64,7 +64,7 @@ class MpcSettings:
     horizon: int = 20
     dt: float = 0.05
     state_weight: ArrayLike = (1.0, 0.0)
-    input_weight: ArrayLike = 0.001
+    input_weight: ArrayLike = 1e-4
     terminal_weight: ArrayLike | None = None
     discretisation: Discretisation | None = None
     blocks: tuple[int, ...] | None = None
@@ -93,7 +93,7 @@ class MpcSettings:
                 f"the horizon, {self.horizon}"
             )
         if self.observer_gain is None:
-            object.__setattr__(self, "observer_gain", 0.0 if self.formulation == "paper" else 0.3)
+            object.__setattr__(self, "observer_gain", 0.0 if self.formulation == "paper" else 0.5)
         if not 0 <= self.gain <= 1:
             raise InputError(f"observer_gain is {self.observer_gain!r}; give a number from 0 to 1")
         for name in ("dt", "limit_weight"):
@@ -110,6 +110,31 @@ class MpcSettings:
     def gain(self) -> float:
         """The observer's gain as a number."""
         return float(self.observer_gain or 0.0)
+
+    @staticmethod
+    def tuned(settling_time: float, **settings: Any) -> MpcSettings:
+        """Return settings with which a joint reaches its target in a given time.
+
+        With weights 1 and r the unconstrained optimum moves each joint like a second-order system
+        of w = r^(-1/4) rad/s and damping ratio 0.71, which is within 1 % after 6.5 / w; so
+        r = (settling_time / 6.5)^4. The sampling time becomes a twentieth of the settling time,
+        within 5 to 50 ms, and the horizon covers it. Torque and velocity limits make it longer.
+
+        Args:
+            settling_time: time from start to within 1 % of the way [s].
+            settings: any other setting, by name.
+
+        Raises:
+            InputError: the settling time is not positive, or a setting is outside its domain.
+        """
+        _positive("settling_time", settling_time)
+        dt = min(max(settling_time / 20, 0.005), 0.05)
+        chosen: dict[str, Any] = {
+            "dt": dt,
+            "horizon": min(max(round(settling_time / dt), 10), 40),
+            "input_weight": (settling_time / 6.5) ** 4,
+        }
+        return MpcSettings(**{**chosen, **settings})
 
     @property
     def qp_settings(self) -> QpSettings:

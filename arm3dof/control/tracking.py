@@ -27,8 +27,8 @@ from arm3dof.control.settings import MpcSettings
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState
 
-_MOVED_POSITION = 0.01  # [rad]: a stage that moved less keeps its torque row
-_MOVED_SPEED = 0.05  # [rad/s]
+_MOVED_POSITION = 0.02  # [rad]: a stage that moved less keeps its torque row
+_MOVED_SPEED = 0.2  # [rad/s]
 
 
 class TrackingFormulation:
@@ -55,14 +55,21 @@ class TrackingFormulation:
         split = F.reshape(horizon + 1, 2, nv, -1)[1:].swapaxes(0, 1)
         self._response = np.ascontiguousarray(split * np.array([-1.0, 1.0])[:, None, None, None])
         self._times = dt * np.arange(horizon + 1)[:, np.newaxis]
-        per_stage = prediction.F.reshape(horizon + 1, 2, nv, horizon, nv)[:, :, 0, :, 0]
-        self._to_position, self._to_velocity = -per_stage[:, 0], np.array(per_stage[:, 1])
+        # positions and velocities in the middle of each sample, and velocities at its start, as
+        # functions of the plan: the double integrator is the same for every joint
+        velocity = np.tril(np.full((horizon, horizon), dt), -1)
+        middle_velocity = velocity + dt / 2 * np.eye(horizon)
+        position = np.vstack([np.zeros(horizon), np.cumsum(dt * middle_velocity, axis=0)[:-1]])
+        middle_position = position + dt / 2 * velocity + dt**2 / 8 * np.eye(horizon)
+        self._to_middle = np.vstack([middle_position, middle_velocity])
+        self._to_start_velocity = velocity
+        self._moved = np.repeat([_MOVED_POSITION, _MOVED_SPEED], horizon)[:, np.newaxis]
         self._damping = robot.damping
         self._damping_inertia = np.diag(dt * robot.damping * damping_share(robot, dt))
         self._zero = np.zeros(nv)
         self._gains = np.zeros((horizon, nv, nv))
         self._offsets = np.zeros((horizon, nv))
-        self._at = np.empty((2, horizon, nv))
+        self._at = np.empty((2 * horizon, nv))  # middle positions, then middle velocities
         self.reset()
 
     def reset(self) -> None:
@@ -73,10 +80,14 @@ class TrackingFormulation:
         self, state: JointState, reference: Reference, plan: Array, disturbance: Array
     ) -> Program:
         """Return the program of one step; see ``Formulation.build``."""
+        nv = state.q.size
         drift = state.q + self._times * state.v
-        error = np.concatenate([reference.q - drift, state.v - reference.v], axis=1)
-        self._linearise(drift, state.v, plan)
-        velocity = np.broadcast_to(state.v, drift.shape)
+        error = np.empty((len(drift), 2 * nv))
+        error[:, :nv] = reference.q - drift
+        error[:, nv:] = state.v - reference.v
+        self._linearise(state, plan)
+        free = np.empty((2, len(plan), nv))
+        free[0], free[1] = drift[1:], state.v
         return Program(
             hessian=self._hessian,
             hessian_inverse=self._inverse,
@@ -84,29 +95,30 @@ class TrackingFormulation:
             block_of_stage=self._blocks,
             torque_gain=self._gains.copy(),
             torque_offset=self._offsets - disturbance,
-            free_response=np.stack([drift[1:], velocity[1:]]),
+            free_response=free,
             response=self._response,
         )
 
     def advance(self) -> None:
         """Move the torque rows one stage ahead, to the next control step."""
-        for rows in (self._gains, self._offsets, self._at[0], self._at[1]):
+        middle = self._at.reshape(2, -1, self._zero.size)
+        for rows in (self._gains, self._offsets, middle[0], middle[1]):
             rows[:-1] = rows[1:]
 
-    def _linearise(self, drift: Array, v: Array, plan: Array) -> None:
+    def _linearise(self, state: JointState, plan: Array) -> None:
         """Evaluate tau = gain u + offset where the plan has moved, and always at stage 0."""
-        q = drift + self._to_position @ plan
-        velocity = v + self._to_velocity @ plan
-        half = self._dt / 2
-        q_middle = q[:-1] + half * velocity[:-1] + half**2 / 2 * plan
-        v_middle = velocity[:-1] + half * plan
-        still = np.abs(self._at[0] - q_middle).max(axis=1) < _MOVED_POSITION
-        still &= np.abs(self._at[1] - v_middle).max(axis=1) < _MOVED_SPEED
-        still[0] = False
+        horizon = len(plan)
+        middle = self._to_middle @ plan
+        middle[:horizon] += state.q + (self._times[:-1] + self._dt / 2) * state.v
+        middle[horizon:] += state.v
+        far = np.asarray((np.abs(self._at - middle) > self._moved).any(axis=1))
+        moved = far[:horizon] | far[horizon:]
+        moved[0] = True
+        start_velocity = state.v + self._to_start_velocity @ plan
         model, data, zero = self._model, self._data, self._zero
-        for k in np.flatnonzero(~still).tolist():
-            self._at[0, k], self._at[1, k] = q_middle[k], v_middle[k]
-            self._gains[k] = pin.crba(model, data, q_middle[k])
-            self._gains[k] += self._damping_inertia
-            self._offsets[k] = pin.rnea(model, data, q_middle[k], v_middle[k], zero)
-            self._offsets[k] += self._damping * velocity[k]
+        for k in moved.nonzero()[0].tolist():
+            q, v = middle[k], middle[horizon + k]
+            self._at[k], self._at[horizon + k] = q, v
+            self._gains[k] = pin.crba(model, data, q) + self._damping_inertia
+            torque = pin.rnea(model, data, q, v, zero)
+            self._offsets[k] = torque + self._damping * start_velocity[k]
