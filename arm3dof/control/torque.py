@@ -124,7 +124,7 @@ class TorqueFormulation:
         """Return d [q, v] / d w of stages 0..N and d a / d w of stages 0..N-1."""
         horizon, nv = by_torque.shape[:2]
         dt = self._dt
-        columns: Array = np.kron(np.eye(horizon), unit).reshape(horizon, nv, -1)
+        columns: Array = np.asarray(np.kron(np.eye(horizon), unit)).reshape(horizon, nv, -1)
         columns = blocked(columns, self._blocks, nv)
         response = np.zeros((horizon + 1, 2 * nv, columns.shape[-1]))
         acceleration = np.empty((horizon, nv, columns.shape[-1]))

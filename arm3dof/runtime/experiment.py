@@ -83,4 +83,4 @@ def default_target(robot: Robot, start: ArrayLike) -> Array:
     if robot.nv == paper.size and (low <= paper).all() and (paper <= high).all():
         return paper
     side = np.where(high - start >= start - low, 1.0, -1.0)
-    return np.clip(start + side * _DEFAULT_MOVE, low, high)
+    return np.asarray(np.clip(start + side * _DEFAULT_MOVE, low, high))
