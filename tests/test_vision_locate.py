@@ -9,7 +9,7 @@ from arm3dof.sim.scene import Scene, draw
 from arm3dof.sim.shapes import Ball, Cylinder
 from arm3dof.sim.table import Table
 from arm3dof.vision.camera import Camera, intrinsics, look_at
-from arm3dof.vision.colour import ColourTarget, HsvRange, find_blobs
+from arm3dof.vision.colour import BlobSettings, ColourTarget, HsvRange, find_blobs
 from arm3dof.vision.locate import (
     FocalReference,
     Located,
@@ -332,3 +332,50 @@ def test_no_whole_object_gives_no_focal_length():
     assert focal_from_picture(card(60, 60, (10, 200)), GREEN, 0.3, 0.05) is None
     with pytest.raises(InputError, match="distance_m is 0"):
         focal_from_picture(np.zeros((48, 64, 3), np.uint8), GREEN, 0, 0.05)
+
+
+# ---- anything at all ----------------------------------------------------------------------------
+
+
+def scribble(rng):
+    """Draw shapes of any kind and colour on a picture of any size."""
+    height, width = rng.integers(5, 200, 2)
+    image = np.full((height, width, 3), rng.integers(0, 256, 3), np.uint8)
+    for _ in range(rng.integers(0, 8)):
+        colour = tuple(int(x) for x in rng.integers(0, 256, 3))
+        first, second, third = (tuple(int(x) for x in rng.integers(0, 200, 2)) for _ in range(3))
+        match rng.integers(4):
+            case 0:
+                cv2.rectangle(image, first, second, colour, -1)
+            case 1:
+                cv2.circle(image, first, int(rng.integers(1, 60)), colour, -1)
+            case 2:
+                cv2.line(image, first, second, colour, int(rng.integers(1, 9)))
+            case _:
+                cv2.fillPoly(image, [np.array([first, second, third])], colour)
+    noisy = image + rng.normal(0, rng.choice([0, 3, 30]), image.shape)
+    return np.clip(noisy, 0, 255).astype(np.uint8)
+
+
+def test_whatever_is_seen_is_finite_ahead_and_uncertain():
+    rng = np.random.default_rng(5)
+    reasons, count = set(), 0
+    for _ in range(400):
+        image = scribble(rng)
+        height, width = image.shape[:2]
+        pose = look_at(rng.normal(size=3), rng.normal(size=3))
+        camera = Camera.pinhole(width, height, rng.uniform(20, 800), pose)
+        low, high = rng.integers(0, 180, 2)
+        bounds = HsvRange((low, *rng.integers(0, 120, 2)), (high, 255, 255))
+        targets = [ColourTarget(it, bounds, 0.05, it) for it in ("flat", "ball", "cylinder")]
+        settings = BlobSettings(min_area_px=float(rng.choice([0, 100])))
+        view = look(image, camera, targets, settings)
+        for it in view.located:
+            assert np.isfinite(it.p_base).all()
+            assert 0 < it.depth_sigma_m <= it.sigma_m * (1 + 1e-9)
+            assert it.depth_m > 0
+        count += len(view.located)
+        reasons |= {it.reason for it in view.refused}
+        focal_from_picture(image, bounds, 0.3, 0.05, settings=settings)
+    assert count > 30
+    assert reasons == set(Refusal)

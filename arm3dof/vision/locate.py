@@ -29,6 +29,8 @@ from arm3dof.vision.outline import Extent, extent, trace
 
 # what light and shade do to an edge beyond the noise that shows in it [px]
 _EDGE_SIGMA_PX = 0.18
+# what is narrower cannot be measured [px]
+_LEAST_PX = 3.0
 # a ball's width and height may give depths that differ by this share
 _ROUNDNESS = 0.12
 
@@ -195,6 +197,8 @@ def focal_from_picture(
         points = None if blob.touches_border else trace(picture, blob)
         if points is not None:
             width = extent(points[:, 0], points[:, 1], 1.0)
+            if width.size < _LEAST_PX:
+                continue
             focal = focal_length(width.size, distance_m, width_m, shape)
             sigma = focal * math.sqrt(2) * math.hypot(width.sigma, _EDGE_SIGMA_PX) / width.size
             return FocalReference(focal, sigma, width.size, blob.box_px)
@@ -273,12 +277,11 @@ def locate(image: Image, camera: Camera, blob: Blob, target: ColourTarget) -> Lo
         case "flat":
             found = _flat(rays, target.width_m, pixel)
         case "ball":
-            ball = _ball(rays, target.width_m, pixel)
-            if ball is None:
-                return Refused(target.name, blob.box_px, Refusal.PARTIAL)
-            found = ball
+            found = _ball(rays, target.width_m, pixel)
         case "cylinder":
             found = _cylinder(rays, target.width_m, pixel, camera.up)
+    if isinstance(found, Refusal):
+        return Refused(target.name, blob.box_px, found)
     p_camera, width = found
     edge = math.hypot(width.sigma, _EDGE_SIGMA_PX * pixel)
     relative = math.hypot(math.sqrt(2) * edge / width.size, target.width_sigma_m / target.width_m)
@@ -301,14 +304,16 @@ def locate(image: Image, camera: Camera, blob: Blob, target: ColourTarget) -> Lo
     )
 
 
-def _flat(rays: Array, width_m: float, pixel: float) -> tuple[Array, Extent]:
+def _flat(rays: Array, width_m: float, pixel: float) -> tuple[Array, Extent] | Refusal:
     """Place a face that is parallel to the picture: (2) with W' / (P / F) written in rays."""
     across = extent(rays[:, 0], rays[:, 1], pixel)
     down = extent(rays[:, 1], rays[:, 0], pixel)
+    if across.size < _LEAST_PX * pixel:
+        return Refusal.THIN
     return np.array([across.middle, down.middle, 1.0]) * (width_m / across.size), across
 
 
-def _ball(rays: Array, width_m: float, pixel: float) -> tuple[Array, Extent] | None:
+def _ball(rays: Array, width_m: float, pixel: float) -> tuple[Array, Extent] | Refusal:
     """Place a ball by the four planes through the lens that touch it, or refuse half a ball.
 
     Seen along the picture's y axis the ball is a circle of radius W / 2. Lines of sight to its
@@ -317,14 +322,18 @@ def _ball(rays: Array, width_m: float, pixel: float) -> tuple[Array, Extent] | N
     """
     across = extent(np.arctan(rays[:, 0]), rays[:, 1], pixel)
     down = extent(np.arctan(rays[:, 1]), rays[:, 0], pixel)
+    if min(across.size, down.size) < _LEAST_PX * pixel:
+        return Refusal.THIN
     depth = width_m / 2 / math.sin(across.size / 2) * math.cos(across.middle)
     again = width_m / 2 / math.sin(down.size / 2) * math.cos(down.middle)
     if abs(math.log(again / depth)) > _ROUNDNESS:
-        return None
+        return Refusal.PARTIAL
     return depth * np.array([math.tan(across.middle), math.tan(down.middle), 1.0]), across
 
 
-def _cylinder(rays: Array, width_m: float, pixel: float, up: Array) -> tuple[Array, Extent]:
+def _cylinder(
+    rays: Array, width_m: float, pixel: float, up: Array
+) -> tuple[Array, Extent] | Refusal:
     """Place an upright cylinder by the two upright planes that touch it, and by its rims."""
     sight = rays.mean(axis=0)
     sight /= np.linalg.norm(sight)
@@ -342,6 +351,8 @@ def _cylinder(rays: Array, width_m: float, pixel: float, up: Array) -> tuple[Arr
     unit = pixel / float(level.mean())
     across = extent(bearing, elevation, unit)
     along = extent(elevation, bearing, unit)
+    if across.size < _LEAST_PX * unit:
+        return Refusal.THIN
     radius = width_m / 2
     rho = radius / math.sin(across.size / 2)
     # of a rim below the lens the near side looks lowest and the far side highest
