@@ -43,7 +43,7 @@ from arm3dof.runtime import experiment
 from arm3dof.runtime.metrics import Metrics, summarise
 from arm3dof.runtime.recording import Recording
 from arm3dof.state import Array
-from arm3dof.ui.files import write_atomically
+from arm3dof.files import write_atomically
 from arm3dof.ui.summary import run_report, to_json
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import io
 import json
-import os
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from arm3dof.control.step import ControlStatus, TorqueSource
 from arm3dof.errors import InputError, MissingFile
+from arm3dof.files import write_atomically
 from arm3dof.model.build import robot_from_description
 from arm3dof.model.robot import Description, Limits, Robot
 from arm3dof.state import Array, frozen_array
@@ -110,20 +110,9 @@ class Recording:
         arrays["q_target"] = self.q_target
         for name in ("q_min", "q_max", "v_max", "tau_max"):
             arrays[name] = getattr(self.limits, name)
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-            try:
-                with os.fdopen(handle, "wb") as file:
-                    np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
-                Path(draft).replace(path)
-            except BaseException:
-                Path(draft).unlink(missing_ok=True)
-                raise
-        except OSError as error:
-            raise InputError(
-                f"{path}: cannot be written ({error.strerror}); name a folder that you may write to"
-            ) from None
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, header=np.array(json.dumps(header)), **arrays)
+        write_atomically(path, buffer.getvalue())
         return path
 
     @staticmethod
