@@ -58,7 +58,7 @@ images: $(DEV)  ## draw the pictures that the README and the docs show
 	$(BIN)/python tools/make_images.py
 
 clean:  ## remove the environments and everything that was built
-	rm -rf .venv .venv-peers build dist out docs/_build docs/_generated .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-peers build dist out docs/_build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BASE): pyproject.toml constraints.txt tools/bootstrap.py

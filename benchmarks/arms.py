@@ -6,49 +6,39 @@ import numpy as np
 import pinocchio as pin
 
 from arm3dof import MpcSettings
-from arm3dof.control.prediction import (
-    discretise_euler,
-    discretise_exact,
-    double_integrator,
-    riccati,
-    weight_matrix,
-)
+from arm3dof.control.formulation import Weights, damping_share, discretise
+from arm3dof.control.prediction import double_integrator
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array
 from benchmarks.peers.problem import Arm, Problem
 
 
 def problem_of(robot: Robot, settings: MpcSettings) -> Problem:
-    """Return the optimal control problem that the controller stands for.
+    """Return the optimal control problem that the ``tracking`` formulation stands for.
 
     Args:
         robot: a robot of revolute joints, without Coulomb friction.
         settings: of its controller.
     """
     nv = robot.nv
-    discretise = discretise_euler if settings.discretisation == "euler" else discretise_exact
-    system = discretise(double_integrator(nv), settings.dt)
-    Q = weight_matrix(settings.state_weight, 2, nv, "state_weight")
-    R = weight_matrix(settings.input_weight, 1, nv, "input_weight")
-    if settings.terminal_weight is None:
-        P = riccati(system, Q, R)
-    else:
-        P = weight_matrix(settings.terminal_weight, 2, nv, "terminal_weight")
+    system = discretise(double_integrator(nv), settings)
+    weights = Weights(settings, nv)
     return Problem(
         arm=arm_of(robot),
         horizon=settings.horizon,
         dt=settings.dt,
         A=system.A,
         B=system.B,
-        Q=Q,
-        R=R,
-        P=P,
+        Q=weights.Q,
+        R=weights.R,
+        P=weights.P,
         damping=robot.damping,
+        damping_share=damping_share(robot, settings.dt),
         tau_max=robot.limits.tau_max,
         v_max=robot.limits.v_max,
         q_min=robot.limits.q_min,
         q_max=robot.limits.q_max,
-        limit_price=settings.limit_weight * max(float(np.abs(Q).max()), 1e-6),
+        limit_price=settings.limit_weight * max(float(np.abs(weights.Q).max()), 1e-6),
     )
 
 

@@ -152,12 +152,14 @@ class Ipopt:
 
 
 def _torque(problem: Problem) -> ca.Function:
-    """Return tau(q_target, x, u) of one stage, joint damping included."""
-    n = problem.arm.joints
+    """Return tau(q_target, x, u) in the middle of a sample, joint damping included."""
+    n, half = problem.arm.joints, problem.dt / 2
     q_target, x, u = ca.SX.sym("q_target", n), ca.SX.sym("x", 2 * n), ca.SX.sym("u", n)
     v = x[n:]
-    rigid = inverse_dynamics(problem.arm)(q_target - x[:n], v, u)
-    tau = rigid + ca.DM(problem.damping) * (v + problem.dt * u)
+    q_middle = q_target - x[:n] + half * v + half**2 / 2 * u
+    rigid = inverse_dynamics(problem.arm)(q_middle, v + half * u, u)
+    damped_at = ca.DM(problem.damping_share * problem.dt)
+    tau = rigid + ca.DM(problem.damping) * (v + damped_at * u)
     return ca.Function("stage_torque", [q_target, x, u], [tau])
 
 

@@ -62,6 +62,7 @@ class Problem:
         R: weight of u, shape (n, n).
         P: weight of x at stage N, shape (2 n, 2 n).
         damping: D, viscous friction of each joint, shape (n,) [N m s/rad].
+        damping_share: where in a sample damping acts, from 0, its start, to 1, its end, shape (n,).
         tau_max: torque limits, shape (n,) [N m].
         v_max: speed limits, shape (n,) [rad/s].
         q_min: lowest positions, shape (n,) [rad].
@@ -78,6 +79,7 @@ class Problem:
     R: Array
     P: Array
     damping: Array
+    damping_share: Array
     tau_max: Array
     v_max: Array
     q_min: Array

@@ -15,6 +15,8 @@ from benchmarks.peers.problem import Array, Problem
 
 ROOT = Path(__file__).resolve().parents[2]
 PYTHON = ROOT / ".venv-peers" / "bin" / "python"
+_SAME_TORQUE = 1e-10  # [N m]
+_SAME_COST = 1e-8
 
 
 class PeerProcess:
@@ -55,8 +57,15 @@ class PeerProcess:
         self._process.communicate()
 
     def load(self, problem: Problem) -> dict[str, float]:
-        """Set the problem; return how far the peers disagree: torque [N m], cost (relative)."""
-        return self._ask(do="load", problem=problem.to_dict())
+        """Set the problem; return how far the peers disagree: torque [N m], cost (relative).
+
+        Raises:
+            RuntimeError: they do not solve the same problem.
+        """
+        apart: dict[str, float] = self._ask(do="load", problem=problem.to_dict())
+        if not (apart["dynamics_error"] < _SAME_TORQUE and apart["cost_error"] < _SAME_COST):
+            raise RuntimeError(f"the peers do not solve the same problem: {apart}")
+        return apart
 
     def run(
         self, peer: str, q_target: Array, q: Array, v: Array, *, fresh: bool = True
