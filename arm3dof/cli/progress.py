@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -37,3 +37,28 @@ def control_steps(what: str, duration: float, dt: float) -> Iterator[Observer]:
             progress.update(bar, completed=min(state.t + dt, duration))
 
         yield observe
+
+
+@contextmanager
+def counted(what: str, things: str) -> Iterator[Callable[[int, int], None]]:
+    """Show how many of some things are done; yields what moves the bar.
+
+    Args:
+        what: what is being done.
+        things: what is counted, in the plural.
+    """
+    console = output.err()
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn(f"{{task.completed}} of {{task.total}} {things}"),
+        TimeRemainingColumn(),
+    )
+    quiet = not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=quiet) as progress:
+        bar = progress.add_task(what, total=None)
+
+        def tell(done: int, total: int) -> None:
+            progress.update(bar, completed=done, total=total)
+
+        yield tell

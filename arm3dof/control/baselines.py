@@ -122,7 +122,7 @@ class BaselineController:
         if not np.isfinite(reference.q).all():
             self._seen = state.q
             return self._hold(state, q_target, ControlStatus.BAD_TARGET, start)
-        a_target = (reference.v[1] - v_target) / self._dt
+        a_target = (reference.v[-1] - v_target) / self._dt
         with np.errstate(all="ignore"):  # an absurd state overflows; it is answered below
             now = Situation(state.q, state.v, q_target - state.q, v_target - state.v, a_target)
             asked = self.law.torque(now)

@@ -1,0 +1,81 @@
+"""Many independent runs over the cores, that stop cleanly on Ctrl-C."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from typing import TypeVar
+
+from arm3dof.errors import InputError
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+Progress = Callable[[int, int], None]
+"""Called with the number of finished runs and of all runs."""
+
+
+def core_count() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def run_all(
+    function: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    *,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Iterator[tuple[int, Result]]:
+    """Yield the index and the result of each task, in the order in which they are finished.
+
+    When the caller stops early, by Ctrl-C for instance, tasks that have not begun are dropped.
+
+    Args:
+        function: what is done; for more than one worker it lies at the top of a module.
+        tasks: its arguments.
+        workers: number of processes; 1 works in this process. Each of several imports the main
+            module anew, so a script that asks for them needs ``if __name__ == "__main__"``.
+        progress: told of each finished task.
+
+    Raises:
+        InputError: ``workers`` is not positive.
+    """
+    if workers < 1:
+        raise InputError(f"workers is {workers}; give 1 or more processes")
+    total = len(tasks)
+    if min(workers, total) <= 1:
+        for index, task in enumerate(tasks):
+            yield index, function(task)
+            _tell(progress, index + 1, total)
+        return
+    context = multiprocessing.get_context("spawn")
+    executor = ProcessPoolExecutor(min(workers, total), mp_context=context)
+    try:
+        futures = _start(executor, function, tasks)
+        for done, future in enumerate(as_completed(futures), start=1):
+            yield futures[future], future.result()
+            _tell(progress, done, total)
+    finally:
+        executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _start(
+    executor: ProcessPoolExecutor, function: Callable[[Task], Result], tasks: Sequence[Task]
+) -> dict[Future[Result], int]:
+    """Hand out the tasks; the workers leave Ctrl-C to this process, which then stops them."""
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return {executor.submit(function, task): index for index, task in enumerate(tasks)}
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
+def _tell(progress: Progress | None, done: int, total: int) -> None:
+    if progress is not None:
+        progress(done, total)

@@ -1,0 +1,108 @@
+"""Figures of many runs: controllers side by side, and tracking against energy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from arm3dof.runtime.compare import ENTRANTS, Comparison, Row
+from arm3dof.runtime.metrics import SETTLED_ERROR
+from arm3dof.ui.style import COLORS, INK, SETTLED_BAND, STYLE
+
+_SIZE = (13.2, 8.2)  # inches
+_MOST_TRACES = 3  # conditions that are drawn over time
+_MARKS = ("o", "s", "^", "D", "v", "P", "X")
+_LEAST_ERROR = 1e-3  # [deg]: lower errors are drawn on this line
+
+
+def plot_comparison(comparison: Comparison) -> Figure:
+    """Draw errors over time, and error, settling, energy and step time of each controller."""
+    with mpl.rc_context(dict(STYLE)):
+        figure = Figure(figsize=_SIZE, layout="constrained")
+        conditions = comparison.conditions[:_MOST_TRACES]
+        halves = figure.subfigures(2, 1, hspace=0.06, squeeze=False)
+        above, below = halves[0, 0], halves[1, 0]
+        upper = above.subplots(1, len(conditions), sharey=True, squeeze=False)[0]
+        for axes, condition in zip(upper, conditions, strict=True):
+            _draw_traces(axes, comparison, condition)
+        upper[0].set_ylabel("error, median over the moves [deg]")
+        left, middle, right = below.subplots(1, 3, width_ratios=(1.25, 1.0, 1.0))
+        _draw_by_condition(left, comparison)
+        _draw_energy(middle, comparison.table())
+        _draw_step_time(right, comparison.table())
+        handles, names = upper[0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside upper center", ncols=len(names))
+        return figure
+
+
+def _look(comparison_order: Sequence[str], name: str) -> tuple[str, str]:
+    index = list(comparison_order).index(name)
+    return COLORS[index % len(COLORS)], _MARKS[index % len(_MARKS)]
+
+
+def _draw_traces(axes: Axes, comparison: Comparison, condition: str) -> None:
+    band = float(np.rad2deg(SETTLED_ERROR))
+    axes.axhspan(_LEAST_ERROR, band, color=SETTLED_BAND, linewidth=0, zorder=0.5)
+    names = comparison.controllers
+    for name in reversed(names):  # the first is drawn on top
+        runs = comparison.select(name, condition)
+        error = np.rad2deg(np.median([run.error for run in runs], axis=0))
+        color, _ = _look(names, name)
+        line = np.maximum(error, _LEAST_ERROR)
+        axes.plot(runs[0].t, line, color=color, label=ENTRANTS[name].label, zorder=3)
+    axes.set_yscale("log")
+    axes.set_ylim(_LEAST_ERROR, None)
+    axes.set(title=condition, xlabel="time [s]")
+
+
+def _draw_by_condition(axes: Axes, comparison: Comparison) -> None:
+    names, conditions = comparison.controllers, comparison.conditions
+    for row, condition in enumerate(conditions):
+        for result in comparison.table(condition):
+            color, mark = _look(names, result.controller)
+            shift = 0.22 * (1 - 2 * names.index(result.controller) / max(len(names) - 1, 1))
+            error = np.rad2deg(result.rms_error)
+            axes.plot(error, row - shift, mark, color=color, markersize=7, zorder=3)
+    axes.set_yticks(range(len(conditions)), conditions)
+    axes.set_ylim(len(conditions) - 0.5, -0.5)
+    axes.set_xlim(0, None)
+    axes.margins(x=0.05)
+    axes.set(title="RMS error", xlabel="error over the whole run [deg]")
+
+
+def _draw_energy(axes: Axes, table: Sequence[Row]) -> None:
+    values = [row.energy for row in table]
+    _bars(axes, table, values, lambda value: f"{value:.2f}")
+    axes.set_xlim(0, 1.18 * max(values))
+    axes.set(title="Energy", xlabel="mean over all runs [J]")
+    axes.set_yticks(range(len(table)), [ENTRANTS[row.controller].label for row in table])
+
+
+def _draw_step_time(axes: Axes, table: Sequence[Row]) -> None:
+    for place, row in enumerate(table):
+        color, mark = _look([row.controller for row in table], row.controller)
+        p50, p99 = 1e6 * row.step_time_p50, 1e6 * row.step_time_p99
+        axes.plot([p50, p99], [place, place], color=color, linewidth=2.5, zorder=3)
+        axes.plot(p50, place, mark, color=color, markersize=8, zorder=4)
+        axes.annotate(f"{p50:.0f}", (p50, place), (0, 7), textcoords="offset points", ha="center")
+    axes.set_xscale("log")
+    axes.margins(x=0.12)
+    axes.set_ylim(len(table) - 0.4, -0.7)
+    axes.set(title="Time of a control step", xlabel="median to 99th percentile [µs]")
+    axes.set_yticks(range(len(table)), [ENTRANTS[row.controller].label for row in table])
+
+
+def _bars(
+    axes: Axes, table: Sequence[Row], values: Sequence[float], text: Callable[[float], str]
+) -> None:
+    names = [row.controller for row in table]
+    for place, (name, value) in enumerate(zip(names, values, strict=True)):
+        axes.barh(place, value, color=_look(names, name)[0], height=0.62, zorder=3)
+        axes.annotate(
+            text(value), (value, place), (4, 0), textcoords="offset points", va="center", color=INK
+        )
+    axes.set_ylim(len(table) - 0.4, -0.7)
