@@ -3,7 +3,8 @@ import pytest
 
 from arm3dof.errors import InputError
 from arm3dof.vision.annotate import BLUE, RED, annotate, label
-from arm3dof.vision.locate import Located, Refusal, Refused, View
+from arm3dof.vision.locate import Located, Refused, View
+from arm3dof.vision.placing import Refusal
 
 
 def located(box, target="green", depth=0.25):

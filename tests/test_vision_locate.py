@@ -13,7 +13,6 @@ from arm3dof.vision.colour import BlobSettings, ColourTarget, HsvRange, find_blo
 from arm3dof.vision.locate import (
     FocalReference,
     Located,
-    Refusal,
     depth_from_width,
     focal_from_picture,
     focal_length,
@@ -21,6 +20,7 @@ from arm3dof.vision.locate import (
     see,
 )
 from arm3dof.vision.outline import extent, trace
+from arm3dof.vision.placing import Refusal
 
 GREEN = HsvRange((45, 90, 30), (85, 255, 255))
 RED = HsvRange((173, 120, 40), (6, 255, 255))

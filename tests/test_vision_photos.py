@@ -8,7 +8,8 @@ import pytest
 
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import ColourTarget, HsvRange, find_blobs
-from arm3dof.vision.locate import Refusal, look
+from arm3dof.vision.locate import look
+from arm3dof.vision.placing import Refusal
 from arm3dof.vision.sources import read_image
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm3dof.vision.colour import Image, check_image
-from arm3dof.vision.locate import Located, Refusal, Refused, View
+from arm3dof.vision.locate import Located, Refused, View
+from arm3dof.vision.placing import Refusal
 
 BLUE, RED, GREY = (235, 105, 20), (40, 40, 230), (120, 120, 120)  # BGR
 _INK, _PAPER = (255, 255, 255), (32, 28, 24)

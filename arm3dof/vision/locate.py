@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -25,22 +24,11 @@ from arm3dof.vision.colour import (
     check_image,
     find_blobs,
 )
-from arm3dof.vision.outline import Extent, extent, trace
+from arm3dof.vision.outline import extent, trace
+from arm3dof.vision.placing import LEAST_PX, Refusal, place_ball, place_cylinder, place_flat
 
 # what light and shade do to an edge beyond the noise that shows in it [px]
 _EDGE_SIGMA_PX = 0.18
-# what is narrower cannot be measured [px]
-_LEAST_PX = 3.0
-# a ball's width and height may give depths that differ by this share
-_ROUNDNESS = 0.12
-
-
-class Refusal(enum.Enum):
-    """Why a patch of the right colour is not measured."""
-
-    BORDER = "it touches the edge of the picture, so its width is not seen whole"
-    THIN = "it is too thin to measure"
-    PARTIAL = "it is not as high as it is wide, as if something hid a part of the ball"
 
 
 @dataclass(frozen=True)
@@ -197,7 +185,7 @@ def focal_from_picture(
         points = None if blob.touches_border else trace(picture, blob)
         if points is not None:
             width = extent(points[:, 0], points[:, 1], 1.0)
-            if width.size < _LEAST_PX:
+            if width.size < LEAST_PX:
                 continue
             focal = focal_length(width.size, distance_m, width_m, shape)
             sigma = focal * math.sqrt(2) * math.hypot(width.sigma, _EDGE_SIGMA_PX) / width.size
@@ -275,11 +263,11 @@ def locate(image: Image, camera: Camera, blob: Blob, target: ColourTarget) -> Lo
     pixel = 1 / camera.focal_px[0]
     match target.shape:
         case "flat":
-            found = _flat(rays, target.width_m, pixel)
+            found = place_flat(rays, target.width_m, pixel)
         case "ball":
-            found = _ball(rays, target.width_m, pixel)
+            found = place_ball(rays, target.width_m, pixel)
         case "cylinder":
-            found = _cylinder(rays, target.width_m, pixel, camera.up)
+            found = place_cylinder(rays, target.width_m, pixel, camera.up)
     if isinstance(found, Refusal):
         return Refused(target.name, blob.box_px, found)
     p_camera, width = found
@@ -302,65 +290,6 @@ def locate(image: Image, camera: Camera, blob: Blob, target: ColourTarget) -> Lo
         p_base=camera.to_base(p_camera),
         covariance_base=rotation @ covariance @ rotation.T,
     )
-
-
-def _flat(rays: Array, width_m: float, pixel: float) -> tuple[Array, Extent] | Refusal:
-    """Place a face that is parallel to the picture: (2) with W' / (P / F) written in rays."""
-    across = extent(rays[:, 0], rays[:, 1], pixel)
-    down = extent(rays[:, 1], rays[:, 0], pixel)
-    if across.size < _LEAST_PX * pixel:
-        return Refusal.THIN
-    return np.array([across.middle, down.middle, 1.0]) * (width_m / across.size), across
-
-
-def _ball(rays: Array, width_m: float, pixel: float) -> tuple[Array, Extent] | Refusal:
-    """Place a ball by the four planes through the lens that touch it, or refuse half a ball.
-
-    Seen along the picture's y axis the ball is a circle of radius W / 2. Lines of sight to its
-    left and right edges touch that circle; half the angle between them is alpha, and
-    sin(alpha) = (W / 2) / rho gives the distance rho to its centre. Likewise along the x axis.
-    """
-    across = extent(np.arctan(rays[:, 0]), rays[:, 1], pixel)
-    down = extent(np.arctan(rays[:, 1]), rays[:, 0], pixel)
-    if min(across.size, down.size) < _LEAST_PX * pixel:
-        return Refusal.THIN
-    depth = width_m / 2 / math.sin(across.size / 2) * math.cos(across.middle)
-    again = width_m / 2 / math.sin(down.size / 2) * math.cos(down.middle)
-    if abs(math.log(again / depth)) > _ROUNDNESS:
-        return Refusal.PARTIAL
-    return depth * np.array([math.tan(across.middle), math.tan(down.middle), 1.0]), across
-
-
-def _cylinder(
-    rays: Array, width_m: float, pixel: float, up: Array
-) -> tuple[Array, Extent] | Refusal:
-    """Place an upright cylinder by the two upright planes that touch it, and by its rims."""
-    sight = rays.mean(axis=0)
-    sight /= np.linalg.norm(sight)
-    slant = math.acos(min(abs(float(up @ sight)), 1.0))
-    spread = math.acos(float((rays @ sight / np.linalg.norm(rays, axis=1)).min()))
-    if slant < 1.2 * spread:
-        # from above, its top is a disc that faces the camera, and its sides tell nothing
-        return _flat(rays, width_m, pixel)
-    ahead = sight - up * float(up @ sight)
-    ahead /= np.linalg.norm(ahead)
-    aside = np.cross(ahead, up)
-    level = np.hypot(rays @ ahead, rays @ aside)
-    bearing = np.arctan2(rays @ aside, rays @ ahead)
-    elevation = np.arctan2(rays @ up, level)
-    unit = pixel / float(level.mean())
-    across = extent(bearing, elevation, unit)
-    along = extent(elevation, bearing, unit)
-    if across.size < _LEAST_PX * unit:
-        return Refusal.THIN
-    radius = width_m / 2
-    rho = radius / math.sin(across.size / 2)
-    # of a rim below the lens the near side looks lowest and the far side highest
-    low = math.tan(along.low) * (rho - math.copysign(radius, -along.low))
-    high = math.tan(along.high) * (rho - math.copysign(radius, along.high))
-    direction = ahead * math.cos(across.middle) + aside * math.sin(across.middle)
-    p_camera: Array = rho * direction + up * (low + high) / 2
-    return p_camera, across
 
 
 def _silhouette(width_px: float, distance_m: float, width_m: float, shape: Shape) -> float:
