@@ -40,10 +40,8 @@ class Table:
     def rst(self) -> str:
         """Return the table as reStructuredText."""
         rows = "\n".join("   * - " + "\n     - ".join(line) for line in [self.columns, *self.rows])
-        return (
-            f"{self.title}\n{'-' * len(self.title)}\n\n{self.note}\n\n"
-            f".. list-table::\n   :header-rows: 1\n\n{rows}\n"
-        )
+        table = f".. list-table:: {self.title}\n   :header-rows: 1\n\n{rows}\n"
+        return "\n\n".join(filter(None, [table, self.note])) + "\n"
 
 
 def machine() -> str:
