@@ -1,7 +1,7 @@
 """Where a thing of known width is, from the lines of sight to its outline.
 
 Each function takes lines of sight ``rays``, points (x, y, 1) of the optical frame, shape (n, 3);
-the thing's true width ``width_m`` [m]; and the size of a ``pixel`` in these lines, 1 / focal length.
+the thing's true width ``width_m`` [m]; and the size of a ``pixel`` in them, 1 / focal length.
 ``up`` is the base frame's z axis in the optical frame, shape (3,). Each returns the thing's centre,
 shape (3,) [m], with the extent that its distance was measured on, or why it cannot be placed.
 """
