@@ -583,7 +583,7 @@ def test_doctor_sees_what_is_missing(monkeypatch, ask, run):
     def version(name):
         if name in ("opencv-python", "pinocchio"):
             return "1.0"
-        if name in ("pin-pink", "example-robot-data"):
+        if name in ("scipy", "example-robot-data"):
             raise metadata.PackageNotFoundError(name)
         return real(name)
 
@@ -591,7 +591,7 @@ def test_doctor_sees_what_is_missing(monkeypatch, ask, run):
     code, answer = ask("doctor")
     assert code == 1
     bad = {check["what"]: check["cure"] for check in answer["checks"] if not check["ok"]}
-    assert bad["pin-pink"] == "pip install pin-pink"
+    assert bad["scipy"] == "pip install scipy"
     assert "pip uninstall -y opencv-python opencv-python-headless" in bad["one opencv"]
     assert "pip uninstall -y pinocchio" in bad["no namesake"]
     robots = next(check for check in answer["checks"] if check["what"] == "more robots")

@@ -111,7 +111,7 @@ def test_mistakes_in_the_call_are_named(robot):
     for duration in (0.0, -1.0, np.nan):
         with pytest.raises(InputError, match="duration"):
             run_loop(plant, script, TARGET, duration)
-    with pytest.raises(InputError, match="target has shape"):
+    with pytest.raises(InputError, match="q_target has shape"):
         run_loop(plant, script, [0.0], 1.0)
 
 

@@ -20,7 +20,7 @@ from rich.markup import escape
 
 from arm3dof.cli import output
 
-PACKAGES = ("numpy", "pin", "proxsuite", "yourdfpy", "pin-pink", "meshcat", "starlette")
+PACKAGES = ("numpy", "pin", "proxsuite", "yourdfpy", "scipy", "meshcat", "starlette")
 OPENCV = (
     "opencv-python",
     "opencv-python-headless",

@@ -36,6 +36,7 @@ from arm3dof.cli.robots import show_reach
 from arm3dof.cli.units import read_configuration
 from arm3dof.control.settings import MpcSettings
 from arm3dof.errors import InputError
+from arm3dof.files import write_atomically
 from arm3dof.model.kinematics import inverse_kinematics
 from arm3dof.model.reach import Reach
 from arm3dof.model.robot import Robot
@@ -43,7 +44,6 @@ from arm3dof.runtime import experiment
 from arm3dof.runtime.metrics import Metrics, summarise
 from arm3dof.runtime.recording import Recording
 from arm3dof.state import Array
-from arm3dof.files import write_atomically
 from arm3dof.ui.summary import run_report, to_json
 
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
 
-from numpy.typing import ArrayLike
-
+from arm3dof.control.reference import Target
 from arm3dof.state import Array, JointState
 
 
@@ -90,7 +89,7 @@ class Controller(Protocol):
     def dt(self) -> float:
         """Time between two steps [s]."""
 
-    def step(self, state: JointState, q_target: ArrayLike) -> ControlStep:
+    def step(self, state: JointState, target: Target) -> ControlStep:
         """Return the torque to apply until the next step."""
 
     def reset(self) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from arm3dof.control.reference import Target, sample_target
 from arm3dof.control.step import Controller, ControlStep
 from arm3dof.errors import InputError
 from arm3dof.runtime.recording import Recording
 from arm3dof.sim.plant import Plant
-from arm3dof.state import JointState, frozen_array
+from arm3dof.state import JointState
 
 Observer = Callable[[JointState, ControlStep], None]
 """Called after each control step with the measured state and the controller's answer."""
@@ -20,7 +20,7 @@ Observer = Callable[[JointState, ControlStep], None]
 def run_loop(
     plant: Plant,
     controller: Controller,
-    target: ArrayLike,
+    target: Target,
     duration: float,
     observers: Sequence[Observer] = (),
     *,
@@ -34,7 +34,7 @@ def run_loop(
     Args:
         plant: the arm; its state is the start.
         controller: asked every ``controller.dt``; its torque is held in between.
-        target: joint target, shape (nv,) [rad].
+        target: constant joint target, shape (nv,) [rad], or a trajectory in plant time.
         duration: how long to run [s].
         observers: called after each control step.
         notes: text to keep in the recording.
@@ -45,11 +45,11 @@ def run_loop(
     """
     robot = plant.robot
     nv = robot.nv
-    q_target = frozen_array(target, nv, name="target")
     hold = _plant_steps_per_control_step(plant.dt, controller.dt)
     if not (np.isfinite(duration) and duration >= plant.dt):
         raise InputError(f"duration is {duration!r} s; give at least one plant step, {plant.dt} s")
     rows = round(duration / plant.dt)
+    followed = sample_target(target, nv, plant.state.t, plant.dt, rows - 1).q
 
     t, step_time = np.empty(rows), np.full(rows, np.nan)
     q, v, tau, u = (np.empty((rows, nv)) for _ in range(4))
@@ -58,7 +58,7 @@ def run_loop(
     for row in range(rows):
         if row % hold == 0:
             measured = plant.measure()
-            answer = controller.step(measured, q_target)
+            answer = controller.step(measured, target)
             step_time[row] = answer.solve_time
             for observe in observers:
                 observe(measured, answer)
@@ -72,12 +72,12 @@ def run_loop(
         v=v,
         tau=tau,
         u=u,
-        e=q_target - q,
+        e=followed - q,
         status=status,
         source=source,
         step_time=step_time,
         control_dt=controller.dt,
-        q_target=q_target,
+        q_target=followed[-1],
         joint_names=robot.joint_names,
         tool_frame=robot.tool_frame,
         limits=robot.limits,

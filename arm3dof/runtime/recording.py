@@ -38,7 +38,7 @@ class Recording:
         source: ``TorqueSource`` of the control step in force, shape (n,).
         step_time: wall time of the controller, shape (n,) [s]; NaN on rows where it did not run.
         control_dt: time between two control steps [s].
-        q_target: target, shape (nv,) [rad].
+        q_target: target at the end of the run, shape (nv,) [rad].
         joint_names: names of the joints.
         tool_frame: the frame that was brought to the target.
         limits: the robot's limits.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from arm3dof.runtime.compare import ENTRANTS, Comparison, Row
 from arm3dof.runtime.metrics import SETTLED_ERROR
@@ -30,17 +31,25 @@ def plot_comparison(comparison: Comparison) -> Figure:
         for axes, condition in zip(upper, conditions, strict=True):
             _draw_traces(axes, comparison, condition)
         upper[0].set_ylabel("error, median over the moves [deg]")
-        left, middle, right = below.subplots(1, 3, width_ratios=(1.25, 1.0, 1.0))
-        _draw_by_condition(left, comparison)
-        _draw_energy(middle, comparison.table())
-        _draw_step_time(right, comparison.table())
+        table = comparison.table()
+        lower = below.subplots(1, 4, width_ratios=(1.5, 1.0, 1.0, 1.0))
+        _draw_by_condition(lower[0], comparison)
+        _draw_energy(lower[1], table)
+        _draw_violations(lower[2], table)
+        _draw_step_time(lower[3], table)
+        for axes in lower[1:]:
+            axes.set_ylim(len(table) - 0.4, -0.7)
+            axes.set_yticks(range(len(table)), [""] * len(table))
+            axes.grid(visible=False, axis="y")
+        lower[1].set_yticks(range(len(table)), [ENTRANTS[row.controller].label for row in table])
         handles, names = upper[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper center", ncols=len(names))
         return figure
 
 
-def _look(comparison_order: Sequence[str], name: str) -> tuple[str, str]:
-    index = list(comparison_order).index(name)
+def _look(order: Sequence[str], name: str) -> tuple[str, str]:
+    """Return the colour and the mark of a controller."""
+    index = list(order).index(name)
     return COLORS[index % len(COLORS)], _MARKS[index % len(_MARKS)]
 
 
@@ -48,61 +57,67 @@ def _draw_traces(axes: Axes, comparison: Comparison, condition: str) -> None:
     band = float(np.rad2deg(SETTLED_ERROR))
     axes.axhspan(_LEAST_ERROR, band, color=SETTLED_BAND, linewidth=0, zorder=0.5)
     names = comparison.controllers
-    for name in reversed(names):  # the first is drawn on top
+    for place, name in enumerate(names):
         runs = comparison.select(name, condition)
         error = np.rad2deg(np.median([run.error for run in runs], axis=0))
         color, _ = _look(names, name)
         line = np.maximum(error, _LEAST_ERROR)
-        axes.plot(runs[0].t, line, color=color, label=ENTRANTS[name].label, zorder=3)
+        axes.plot(runs[0].t, line, color=color, label=ENTRANTS[name].label, zorder=9 - place)
     axes.set_yscale("log")
     axes.set_ylim(_LEAST_ERROR, None)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.set(title=condition, xlabel="time [s]")
 
 
 def _draw_by_condition(axes: Axes, comparison: Comparison) -> None:
     names, conditions = comparison.controllers, comparison.conditions
+    largest = 0.0
     for row, condition in enumerate(conditions):
         for result in comparison.table(condition):
             color, mark = _look(names, result.controller)
             shift = 0.22 * (1 - 2 * names.index(result.controller) / max(len(names) - 1, 1))
-            error = np.rad2deg(result.rms_error)
+            error = float(np.rad2deg(result.rms_error))
+            largest = max(largest, error)
             axes.plot(error, row - shift, mark, color=color, markersize=7, zorder=3)
     axes.set_yticks(range(len(conditions)), conditions)
     axes.set_ylim(len(conditions) - 0.5, -0.5)
-    axes.set_xlim(0, None)
-    axes.margins(x=0.05)
-    axes.set(title="RMS error", xlabel="error over the whole run [deg]")
+    axes.set_xlim(0, 1.06 * largest)
+    axes.set(title="RMS error", xlabel="over the whole run [deg]")
 
 
 def _draw_energy(axes: Axes, table: Sequence[Row]) -> None:
-    values = [row.energy for row in table]
-    _bars(axes, table, values, lambda value: f"{value:.2f}")
-    axes.set_xlim(0, 1.18 * max(values))
+    _bars(axes, table, [row.energy for row in table], "{:.2f}")
     axes.set(title="Energy", xlabel="mean over all runs [J]")
-    axes.set_yticks(range(len(table)), [ENTRANTS[row.controller].label for row in table])
+
+
+def _draw_violations(axes: Axes, table: Sequence[Row]) -> None:
+    broken = [
+        float(row.torque_violations + row.velocity_violations + row.position_violations)
+        for row in table
+    ]
+    _bars(axes, table, broken, "{:.0f}")
+    axes.set(title="Limits exceeded", xlabel="plant steps, all runs")
 
 
 def _draw_step_time(axes: Axes, table: Sequence[Row]) -> None:
+    names = [row.controller for row in table]
     for place, row in enumerate(table):
-        color, mark = _look([row.controller for row in table], row.controller)
+        color, mark = _look(names, row.controller)
         p50, p99 = 1e6 * row.step_time_p50, 1e6 * row.step_time_p99
         axes.plot([p50, p99], [place, place], color=color, linewidth=2.5, zorder=3)
         axes.plot(p50, place, mark, color=color, markersize=8, zorder=4)
         axes.annotate(f"{p50:.0f}", (p50, place), (0, 7), textcoords="offset points", ha="center")
     axes.set_xscale("log")
     axes.margins(x=0.12)
-    axes.set_ylim(len(table) - 0.4, -0.7)
-    axes.set(title="Time of a control step", xlabel="median to 99th percentile [µs]")
-    axes.set_yticks(range(len(table)), [ENTRANTS[row.controller].label for row in table])
+    axes.set(title="Control step", xlabel="median to 99th percentile [µs]")
 
 
-def _bars(
-    axes: Axes, table: Sequence[Row], values: Sequence[float], text: Callable[[float], str]
-) -> None:
+def _bars(axes: Axes, table: Sequence[Row], values: Sequence[float], form: str) -> None:
     names = [row.controller for row in table]
     for place, (name, value) in enumerate(zip(names, values, strict=True)):
         axes.barh(place, value, color=_look(names, name)[0], height=0.62, zorder=3)
+        text, beside = form.format(value), (4, 0)
         axes.annotate(
-            text(value), (value, place), (4, 0), textcoords="offset points", va="center", color=INK
+            text, (value, place), beside, textcoords="offset points", va="center", color=INK
         )
-    axes.set_ylim(len(table) - 0.4, -0.7)
+    axes.set_xlim(0, 1.25 * max(*values, 1e-9))

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from arm3dof.control.settings import MpcSettings
+from arm3dof.files import write_atomically
 from arm3dof.model.kinematics import inverse_kinematics
 from arm3dof.model.reach import Reach
 from arm3dof.model.robot import Robot
@@ -18,7 +19,6 @@ from arm3dof.runtime.experiment import PAPER_DURATION, default_start, simulate
 from arm3dof.runtime.loop import Observer
 from arm3dof.runtime.metrics import Metrics, summarise
 from arm3dof.runtime.recording import Recording
-from arm3dof.files import write_atomically
 from arm3dof.ui.plots import save_figures
 from arm3dof.ui.report import write_replay
 from arm3dof.ui.summary import run_report, to_json, view_report

@@ -18,10 +18,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from arm3dof.files import write_atomically
 from arm3dof.runtime.metrics import SETTLED_ERROR, SETTLED_SPEED, summarise
 from arm3dof.runtime.recording import Recording
 from arm3dof.state import Array
-from arm3dof.files import write_atomically
 from arm3dof.ui.style import COLORS, DASHES, LIMIT, SETTLED, SETTLED_BAND, SOFT, STYLE
 
 SIZE = (7.2, 4.0)  # inches

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from arm3dof.runtime.recording import Recording
 from arm3dof.files import write_atomically
+from arm3dof.runtime.recording import Recording
 from arm3dof.ui.meshcat_scene import recording_scene
 from arm3dof.ui.page import static_page
 
