@@ -373,7 +373,8 @@ def test_six_hundred_connections_leave_no_trace(server: LocalServer, window: Mes
                 threads = psutil.Process().num_threads()
         eventually(lambda: window.client_count == 1, server)
         eventually(lambda: psutil.Process().num_fds() <= descriptors + 2, server)
-        assert psutil.Process().num_threads() <= threads
+        # a client's thread may outlive its last word by a moment on a busy machine
+        eventually(lambda: psutil.Process().num_threads() <= threads, server)
         window.post(set_property("/a", "visible", False))
         assert b"visible" in steady.recv(timeout=DEADLINE)
 
