@@ -163,8 +163,10 @@ class MpcController:
     def _optimise(self, state: JointState, reference: Reference) -> Optimum | None:
         """Linearise along the last plan and solve; without a plan, repeat along the new one."""
         formulation, horizon, bounds = self._formulation, self.settings.horizon, self._bounds
-        if self._most_change is not None and self._tau is not None:
-            bounds = bounds.with_rate(self._most_change, self._tau)
+        if self._most_change is not None:
+            tau_max = self.robot.limits.tau_max
+            held = np.clip(self.robot.gravity(state.q), -tau_max, tau_max)
+            bounds = bounds.with_rate(self._most_change, held if self._tau is None else self._tau)
         u = self._fallback.shifted(horizon)
         rounds = 1 if u is not None else formulation.linearisations
         if u is None:

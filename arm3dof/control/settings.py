@@ -41,7 +41,8 @@ class MpcSettings:
             takes the paper's for ``"paper"`` and the exact one otherwise.
         blocks: move blocking: how many stages share their decisions, in order of time, adding up
             to ``horizon``; ``None`` decides for every stage.
-        torque_rate: largest change of torque, one number or one a joint [N m/s]; ``None``: any.
+        torque_rate: largest change of torque, one number or one a joint [N m/s], counted at first
+            from the torque that holds the arm; ``None``: any. A fallback may exceed it.
         observer_gain: share of an unexplained torque that is taken for a disturbance in each
             step, from 0 (no observer) to 1; ``None`` takes 0 for ``"paper"`` and 0.5 otherwise.
         delay: time from a measurement to when the torque computed from it acts [s]; the state is
