@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from arm3dof.cli import compare, demo, doctor, output, robots, see, simulate, view
+from arm3dof.cli import compare, demo, doctor, output, robots, see, simulate, sweep, view
 from arm3dof.cli.options import JsonFlag
 from arm3dof.errors import ArmError
 
@@ -41,6 +41,7 @@ app.command()(see.see)
 app.command(context_settings=_POINT)(robots.ik)
 app.command()(simulate.simulate)
 app.command("compare")(compare.compare_controllers)
+app.command("sweep")(sweep.sweep_settings)
 app.command()(view.view)
 app.command()(robots.check)
 app.command("robots")(robots.robots)

@@ -14,10 +14,10 @@ from arm3dof.cli import output
 from arm3dof.cli.options import JsonFlag, OutFolder, Overrides, RobotName, robot_from, writable
 from arm3dof.cli.progress import counted
 from arm3dof.cli.simulate import show_files
+from arm3dof.files import write_atomically
 from arm3dof.runtime.compare import ENTRANTS, Comparison, Row, compare
 from arm3dof.runtime.parallel import core_count
 from arm3dof.runtime.scenarios import scenario_set
-from arm3dof.files import write_atomically
 from arm3dof.ui.summary import to_json
 
 Workers = Annotated[

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
@@ -16,11 +14,10 @@ from arm3dof.control.settings import MpcSettings
 from arm3dof.control.step import Controller
 from arm3dof.control.tuning import Gains, tune_gains
 from arm3dof.errors import InputError
-from arm3dof.model.build import robot_from_description
-from arm3dof.model.robot import Description, Robot
+from arm3dof.model.robot import Robot
 from arm3dof.runtime.loop import run_loop
 from arm3dof.runtime.metrics import Metrics, summarise
-from arm3dof.runtime.parallel import Progress, run_all
+from arm3dof.runtime.parallel import PackedRobot, Progress, run_all
 from arm3dof.runtime.recording import Recording
 from arm3dof.runtime.scenarios import DURATION, Scenario
 from arm3dof.state import Array, frozen_array
@@ -215,11 +212,11 @@ def compare(
         raise InputError(f"no controller '{unknown[0]}'; give one of: {', '.join(ENTRANTS)}")
     if not names or not scenarios:
         raise InputError("nothing to compare; give at least one controller and one scenario")
-    known = _Known.of(robot)
+    packed = PackedRobot.of(robot)
     tuned = [name for name in names if ENTRANTS[name].tune is not None]
-    tuning = run_all(_tune, [(known, name) for name in tuned], workers=workers)
+    tuning = run_all(_tune, [(packed, name) for name in tuned], workers=workers)
     gains = {tuned[index]: found for index, found in tuning}
-    tasks = [(known, name, gains.get(name), scenario) for name in names for scenario in scenarios]
+    tasks = [(packed, name, gains.get(name), scenario) for name in names for scenario in scenarios]
     runs = dict(run_all(_run, tasks, workers=workers, progress=progress))
     return Comparison(tuple(runs[index] for index in range(len(tasks))), gains)
 
@@ -260,35 +257,17 @@ def overshoot(recording: Recording, until: float) -> float:
     return float(past[:, np.abs(e[0]) > _LEAST_MOVE].max(initial=0.0))
 
 
-@dataclass(frozen=True)
-class _Known:
-    """A robot as text, to be sent to another process and built there once."""
-
-    description: str
-    tool_frame: str
-
-    @staticmethod
-    def of(robot: Robot) -> _Known:
-        return _Known(json.dumps(robot.description.to_dict()), robot.tool_frame)
-
-
-@lru_cache(maxsize=2)
-def _robot(known: _Known) -> Robot:
-    description = Description.from_dict(json.loads(known.description))
-    return robot_from_description(description, tool_frame=known.tool_frame)
-
-
-def _tune(task: tuple[_Known, str]) -> Gains:
-    known, name = task
+def _tune(task: tuple[PackedRobot, str]) -> Gains:
+    packed, name = task
     tune = ENTRANTS[name].tune
     if tune is None:
         raise InputError(f"{name} has no gains to tune")
-    return tune(_robot(known))
+    return tune(packed.unpack())
 
 
-def _run(task: tuple[_Known, str, Gains | None, Scenario]) -> Run:
-    known, name, gains, scenario = task
-    robot = _robot(known)
+def _run(task: tuple[PackedRobot, str, Gains | None, Scenario]) -> Run:
+    packed, name, gains, scenario = task
+    robot = packed.unpack()
     return run_scenario(robot, ENTRANTS[name].make(robot, gains), name, scenario)
 
 

@@ -2,20 +2,53 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeVar
 
 from arm3dof.errors import InputError
+from arm3dof.model.build import robot_from_description
+from arm3dof.model.robot import Description, Robot
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 Progress = Callable[[int, int], None]
 """Called with the number of finished runs and of all runs."""
+
+
+@dataclass(frozen=True)
+class PackedRobot:
+    """A robot as text, to be sent to another process and built there once.
+
+    Attributes:
+        description: its ``Description`` as JSON.
+        tool_frame: the frame that is brought to a target.
+    """
+
+    description: str
+    tool_frame: str
+
+    @staticmethod
+    def of(robot: Robot) -> PackedRobot:
+        """Pack a robot."""
+        return PackedRobot(json.dumps(robot.description.to_dict()), robot.tool_frame)
+
+    def unpack(self) -> Robot:
+        """Return the robot; in one process always the same one."""
+        return _unpacked(self)
+
+
+@lru_cache(maxsize=2)
+def _unpacked(packed: PackedRobot) -> Robot:
+    description = Description.from_dict(json.loads(packed.description))
+    return robot_from_description(description, tool_frame=packed.tool_frame)
 
 
 def core_count() -> int:
