@@ -8,11 +8,12 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeVar
 
-from arm3dof.errors import InputError
+from arm3dof.errors import ArmError, InputError
 from arm3dof.model.build import robot_from_description
 from arm3dof.model.robot import Description, Robot
 
@@ -78,6 +79,7 @@ def run_all(
 
     Raises:
         InputError: ``workers`` is not positive.
+        ArmError: a worker process has died.
     """
     if workers < 1:
         raise InputError(f"workers is {workers}; give 1 or more processes")
@@ -94,6 +96,10 @@ def run_all(
         for done, future in enumerate(as_completed(futures), start=1):
             yield futures[future], future.result()
             _tell(progress, done, total)
+    except BrokenProcessPool:
+        raise ArmError(
+            "a worker process was ended from outside (out of memory?); ask for fewer workers"
+        ) from None
     finally:
         executor.shutdown(wait=True, cancel_futures=True)
 

@@ -133,14 +133,14 @@ def default_points(base: MpcSettings | None = None) -> tuple[Point, ...]:
     """Return the sweep that shows what Q, R and P do.
 
     R and the velocity's part of Q are varied about ``base``. P speaks only when the horizon ends
-    before the arm has arrived, so it is varied with a horizon of 5.
+    before the arm has arrived, so it is varied with a horizon of 3.
     """
     base = base or MpcSettings()
-    short = replace(base, horizon=5, blocks=None)
+    short = replace(base, horizon=3, blocks=None)
     return (
         *_family("R: input weight", base, Vary.parse("input_weight=1e-6:1e-2:9")),
         *_family("Q: velocity weight", base, Vary.parse("velocity_weight=1e-3:0.3:8")),
-        *_family("P: terminal weight, N = 5", short, Vary.parse("terminal_weight=0.1:1000:9")),
+        *_family("P: terminal weight, N = 3", short, Vary.parse("terminal_weight=0.1:100:7")),
     )
 
 
@@ -300,7 +300,7 @@ def _range(name: str, spec: str, what: str) -> tuple[Value, ...]:
     low, high = (_number(part, what) for part in parts[:2])
     if not (low > 0 and high > 0 and parts[2].isdecimal() and int(parts[2]) >= 2):
         raise InputError(f"{what}: LOW and HIGH must be above 0 and COUNT 2 or more")
-    values = [float(f"{value:.6g}") for value in np.geomspace(low, high, int(parts[2]))]
+    values = [float(f"{value:.4g}") for value in np.geomspace(low, high, int(parts[2]))]
     if name in _WHOLE:
         return tuple(dict.fromkeys(round(value) for value in values))
     return tuple(values)
@@ -328,4 +328,4 @@ def _number(text: str, what: str) -> float:
 
 
 def _text(value: Value) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
+    return value if isinstance(value, str) else f"{value:.3g}"
