@@ -23,6 +23,7 @@ _MASS_ERROR_PRIOR = 0.3  # standard deviation of s
 _LOAD_PRIOR = 0.25  # standard deviation of m, as a share of the load that stalls a joint
 _TORQUE_NOISE = 0.02  # standard deviation of r, as a share of the torque limit
 _MASS_ERROR_RANGE = (-0.6, 1.5)
+_SAME = 5e-3  # a smaller change of s, or of m as a share of the most, is not taught
 
 
 class LoadEstimator:
@@ -47,20 +48,24 @@ class LoadEstimator:
         self._data = self._nominal.model.createData()
         limits = nominal.limits
         scale = np.where(limits.tau_max > 0, limits.tau_max, 1.0)
-        self._noise = _TORQUE_NOISE * scale
+        self._weight = 1.0 / (_TORQUE_NOISE * scale)
+        self._damping = nominal.damping
         per_kilogram = max(float((self._heaviest() / scale).max()), 1e-6)
         self._most_load = 1.0 / per_kilogram
-        prior = np.array([_LOAD_PRIOR * self._most_load, _MASS_ERROR_PRIOR])
-        self._prior = np.diag(prior**-2.0)
+        self._load_prior = (_LOAD_PRIOR * self._most_load) ** -2.0
+        self._error_prior = _MASS_ERROR_PRIOR**-2.0
+        self._taught = (0.0, 0.0)
+        nothing = np.zeros(nominal.nv)
+        self._motion = nothing, nothing, nothing
         self.reset()
 
     def reset(self) -> None:
         """Forget the past."""
         self.load, self.mass_error = 0.0, 0.0
-        self._information, self._evidence = np.zeros((2, 2)), np.zeros(2)
+        self._yy = self._ys = self._ss = self._yr = self._sr = 0.0
 
-    def learn(self, q: Array, v: Array, a: Array, tau: Array) -> Array:
-        """Learn from a motion and return the torque that remains unexplained, shape (nv,) [N m].
+    def learn(self, q: Array, v: Array, a: Array, tau: Array) -> None:
+        """Learn from a motion.
 
         Args:
             q: position in the middle of the motion, shape (nv,) [rad].
@@ -69,24 +74,46 @@ class LoadEstimator:
             tau: torque that acted, friction compensation taken off, shape (nv,) [N m].
         """
         rigid = np.array(pin.rnea(self._nominal.model, self._data, q, v, a))
-        unit = np.array(pin.rnea(self._unit.model, self._data, q, v, a))
-        unexplained = tau - rigid - self._nominal.damping * v
-        regressor = np.stack([unit - rigid, rigid], axis=1)
-        weighed = regressor / self._noise[:, np.newaxis]
-        self._information = _FORGET * self._information + weighed.T @ weighed
-        self._evidence = _FORGET * self._evidence + weighed.T @ (unexplained / self._noise)
-        load, error = np.linalg.solve(self._information + self._prior, self._evidence)
-        self.load = min(max(float(load), 0.0), self._most_load)
-        self.mass_error = min(max(float(error), _MASS_ERROR_RANGE[0]), _MASS_ERROR_RANGE[1])
-        return np.asarray(unexplained - regressor @ np.array([self.load, self.mass_error]))
+        per_load = pin.rnea(self._unit.model, self._data, q, v, a) - rigid
+        unexplained = tau - rigid - self._damping * v
+        # the normal equations of the two unknowns, in noise units; small enough to write out
+        y, s, r = per_load * self._weight, rigid * self._weight, unexplained * self._weight
+        self._yy = _FORGET * self._yy + float(y @ y)
+        self._ys = _FORGET * self._ys + float(y @ s)
+        self._ss = _FORGET * self._ss + float(s @ s)
+        self._yr = _FORGET * self._yr + float(y @ r)
+        self._sr = _FORGET * self._sr + float(s @ r)
+        yy, ss = self._yy + self._load_prior, self._ss + self._error_prior
+        determinant = yy * ss - self._ys * self._ys
+        load = (ss * self._yr - self._ys * self._sr) / determinant
+        error = (yy * self._sr - self._ys * self._yr) / determinant
+        self.load = min(max(load, 0.0), self._most_load)
+        self.mass_error = min(max(error, _MASS_ERROR_RANGE[0]), _MASS_ERROR_RANGE[1])
+        self._motion = unexplained, per_load, rigid
 
-    def teach(self, robot: Robot) -> None:
-        """Give what was learned to a robot that belongs to the controller alone."""
+    def remainder(self) -> Array:
+        """Return the torque of the last motion that the taught robot leaves open, (nv,) [N m]."""
+        unexplained, per_load, rigid = self._motion
+        load, error = self._taught
+        return np.asarray(unexplained - load * per_load - error * rigid)
+
+    def teach(self, robot: Robot) -> bool:
+        """Give what was learned to a robot that belongs to the controller alone.
+
+        Returns:
+            Whether it differs from what was taught last by enough to matter.
+        """
+        new, (load, error) = (self.load, self.mass_error), self._taught
+        near = abs(new[0] - load) < _SAME * self._most_load and abs(new[1] - error) < _SAME
+        if near and new != (0.0, 0.0):
+            return False
+        self._taught = new
         rows = zip(self._parameters, self._load_parameters, strict=True)
-        for joint, (own, load) in enumerate(rows):
+        for joint, (own, extra) in enumerate(rows):
             if joint > 0:  # joint 0 is the world
-                parameters = (1 + self.mass_error) * own + self.load * load
+                parameters = (1 + self.mass_error) * own + self.load * extra
                 robot.model.inertias[joint] = pin.Inertia.FromDynamicParameters(parameters)
+        return True
 
     def _heaviest(self) -> Array:
         """Return the largest torque that gravity on a unit load takes, over sampled poses."""

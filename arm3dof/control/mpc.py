@@ -105,20 +105,20 @@ class MpcController:
         if not self._is_plausible(state):
             self.observer.lose()
             return self._fall_back(None, reference, ControlStatus.BAD_MEASUREMENT, start)
-        self.observer.measure(state)
+        if self.observer.measure(state):
+            self._formulation.reset()  # the masses that its torque rows hold are out of date
         state = self.observer.predict(state)
         if not np.isfinite(reference.q).all():
             return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)
         if self.observer.jumped or self._target_jumped(reference):
             self._forget_plan()
         with np.errstate(all="ignore"):  # an absurd state overflows; its program is not solved
-            optimum = self._optimise(state, reference)
+            optimum, plan = self._optimise(state, reference)
         if optimum is None or optimum.status is not QpStatus.SOLVED:
             return self._fall_back(state, reference, ControlStatus.NOT_SOLVED, start)
         limit = self.settings.max_step_time
         if limit is not None and time.perf_counter() - start > limit:
             return self._fall_back(state, reference, ControlStatus.DEADLINE_MISSED, start)
-        plan = self._plan(state, optimum)
         self._fallback.remember(plan)
         self._formulation.advance()
         self._solver.advance()
@@ -142,7 +142,7 @@ class MpcController:
         """
         fresh = MpcController(self.robot, self.settings)
         reference = fresh._reference(state, target)
-        optimum = fresh._optimise(state, reference) if state.is_finite else None
+        optimum = fresh._optimise(state, reference)[0] if state.is_finite else None
         if optimum is None:
             raise InputError(f"no program follows from q = {state.q}, v = {state.v}")
         return optimum
@@ -160,7 +160,7 @@ class MpcController:
         begin = state.t + self.settings.delay
         return sample_target(target, self.robot.nv, begin, self.dt, self.settings.horizon)
 
-    def _optimise(self, state: JointState, reference: Reference) -> Optimum | None:
+    def _optimise(self, state: JointState, reference: Reference) -> tuple[Optimum | None, Plan]:
         """Linearise along the last plan and solve; without a plan, repeat along the new one."""
         formulation, horizon, bounds = self._formulation, self.settings.horizon, self._bounds
         if self._most_change is not None:
@@ -171,17 +171,17 @@ class MpcController:
         rounds = 1 if u is not None else formulation.linearisations
         if u is None:
             u = np.zeros((horizon, self.robot.nv))
-        optimum = None
+        plan, optimum = Plan(u, u, u), None
         for _ in range(rounds):
             try:
-                program = formulation.build(state, reference, u, self.observer.disturbance)
+                program = formulation.build(state, reference, plan.u, self.observer.disturbance)
             except np.linalg.LinAlgError:
-                return None
+                return None, plan
             optimum = self._solver.solve(program, bounds)
             if optimum.status is not QpStatus.SOLVED:
                 break
-            u = self._plan(state, optimum).u
-        return optimum
+            plan = self._plan(state, optimum)
+        return optimum, plan
 
     def _plan(self, state: JointState, optimum: Optimum) -> Plan:
         q = np.concatenate([state.q[np.newaxis], optimum.states[0]])

@@ -58,12 +58,18 @@ class Observer:
         self._last: JointState | None = None
         self.jumped = True
 
-    def measure(self, state: JointState) -> None:
-        """Learn from a measured state that can be believed."""
+    def measure(self, state: JointState) -> bool:
+        """Learn from a measured state that can be believed.
+
+        Returns:
+            Whether the robot was taught other masses.
+        """
+        taught = False
         self.jumped = self._last is None or self._has_jumped(self._last, state)
         if self._last is not None and not self.jumped and self._gain > 0:
-            self._learn(self._last, state)
+            taught = self._learn(self._last, state)
         self._last = state
+        return taught
 
     def lose(self) -> None:
         """Note that this step's measurement cannot be believed."""
@@ -89,20 +95,21 @@ class Observer:
         self._commands.append((acceleration, torque))
         self._known += 1
 
-    def _learn(self, last: JointState, state: JointState) -> None:
+    def _learn(self, last: JointState, state: JointState) -> bool:
         if self._known < len(self._commands):
-            return  # what acted before the first command is not known
+            return False  # what acted before the first command is not known
         share = self._part / self._dt
         torque = share * self._commands[0][1] + (1 - share) * self._commands[1][1]
         acceleration = (state.v - last.v) / self._dt
         q, v = (last.q + state.q) / 2, (last.v + state.v) / 2
-        missing = self.estimator.learn(q, v, acceleration, torque)
-        self.estimator.teach(self._robot)
+        self.estimator.learn(q, v, acceleration, torque)
+        taught = self.estimator.teach(self._robot)
         limit = self._robot.limits.tau_max
-        learned = self.disturbance + self._gain * (-missing - self.disturbance)
+        learned = self.disturbance - self._gain * (self.estimator.remainder() + self.disturbance)
         self.disturbance = np.minimum(np.maximum(learned, -limit), limit)
+        return taught
 
     def _has_jumped(self, last: JointState, state: JointState) -> bool:
-        slack = _JUMP + 0.5 * self._dt * np.abs(state.v - last.v)
-        travelled = self._dt / 2 * (last.v + state.v)
-        return bool((np.abs(state.q - last.q - travelled) > slack).any())
+        half = self._dt / 2
+        gap = np.abs(state.q - last.q - half * (last.v + state.v))
+        return bool((gap > _JUMP + half * np.abs(state.v - last.v)).any())

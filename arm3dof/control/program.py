@@ -33,6 +33,7 @@ from arm3dof.state import Array
 
 _TOLERANCE = 1e-6  # a limit counts as kept up to this share of its size (1 rad, 1 rad/s at least)
 _MOST_ROUNDS = 8
+_PATIENCE = 3  # after so many rounds a joint's limit is added for all stages at once
 _IDLE = 1e-9  # a multiplier below this share of the largest did not matter
 
 
@@ -89,6 +90,8 @@ class Bounds(NamedTuple):
         low: shape (kinds, 1, nv) [N m, rad, rad/s, N m].
         high: shape (kinds, 1, nv).
         tolerance: excess up to which a limit counts as kept, shape (kinds, 1, nv).
+        least: ``low - tolerance``.
+        most: ``high + tolerance``.
         price: most that a unit of violation may cost, ``UNBOUNDED`` for a hard limit, (kinds,).
         last_torque: torque before stage 0, which the rate counts from, shape (nv,) [N m].
     """
@@ -96,8 +99,16 @@ class Bounds(NamedTuple):
     low: Array
     high: Array
     tolerance: Array
+    least: Array
+    most: Array
     price: Array
     last_torque: Array
+
+    @staticmethod
+    def around(low: Array, high: Array, price: Array, last_torque: Array) -> Bounds:
+        """Return bounds with the tolerance that suits their size."""
+        tolerance = _TOLERANCE * np.maximum(np.abs(high), 1.0)
+        return Bounds(low, high, tolerance, low - tolerance, high + tolerance, price, last_torque)
 
     @staticmethod
     def of(limits: Limits, tau_max: Array, soft_price: float) -> Bounds:
@@ -111,7 +122,7 @@ class Bounds(NamedTuple):
         high = np.stack([tau_max, limits.q_max, limits.v_max])[:, np.newaxis]
         low = np.stack([-tau_max, limits.q_min, -limits.v_max])[:, np.newaxis]
         price = np.array([UNBOUNDED, soft_price, soft_price])
-        return Bounds(low, high, _tolerance(high), price, np.zeros_like(tau_max))
+        return Bounds.around(low, high, price, np.zeros_like(tau_max))
 
     def with_rate(self, change: Array, last_torque: Array) -> Bounds:
         """Limit the change of torque from stage to stage as well.
@@ -124,7 +135,7 @@ class Bounds(NamedTuple):
         high = np.concatenate([self.high[:3], most])
         low = np.concatenate([self.low[:3], -most])
         price = np.append(self.price[:3], UNBOUNDED)
-        return Bounds(low, high, _tolerance(high), price, last_torque)
+        return Bounds.around(low, high, price, last_torque)
 
 
 class Optimum(NamedTuple):
@@ -207,33 +218,33 @@ class ProgramSolver:
 
     def solve(self, program: Program, bounds: Bounds) -> Optimum:
         """Return the optimum of a program."""
-        w = program.w_free
-        values = _values(program, w, bounds)
-        excess = _excess(values, bounds)
-        broken = excess > bounds.tolerance
-        if not np.isfinite(values).all():
-            return self._optimum(w, values, QpStatus.NOT_FINITE, broken, program, bounds)
-        if not broken.any():
+        values = _values(program, program.w_free, bounds)
+        kept = (values <= bounds.most) & (values >= bounds.least)
+        if kept.all():
             self._likely = None
-            return self._optimum(w, values, QpStatus.SOLVED, broken, program, bounds)
-        return self._solve_limited(program, bounds, excess, broken)
+            return _free_optimum(program, values, bounds, QpStatus.SOLVED)
+        if not np.isfinite(values).all():
+            return _free_optimum(program, values, bounds, QpStatus.NOT_FINITE)
+        return self._solve_limited(program, bounds, _excess(values, bounds))
 
-    def _solve_limited(
-        self, program: Program, bounds: Bounds, excess_free: Array, broken: NDArray[np.bool_]
-    ) -> Optimum:
+    def _solve_limited(self, program: Program, bounds: Bounds, excess_free: Array) -> Optimum:
         """Add the limits that are broken until none is."""
+        broken = excess_free > bounds.tolerance
         free = np.ones_like(broken)
         free[:, 1:3] = ~_fixed(program)
         rows = np.zeros_like(broken)
         if not (broken & free).any():  # what is broken, no decision can mend
             values = _values(program, program.w_free, bounds)
-            return self._optimum(program.w_free, values, QpStatus.SOLVED, broken, program, bounds)
+            optimum = _free_optimum(program, values, bounds, QpStatus.SOLVED)
+            return optimum._replace(softened=True)
         if self._likely is not None and self._likely.shape == rows.shape:
             rows |= self._likely & free
         new = broken & free
         w, z, status = program.w_free, np.zeros(0), QpStatus.SOLVED
-        for _ in range(_MOST_ROUNDS):
+        for attempt in range(_MOST_ROUNDS):
             rows |= new
+            if attempt >= _PATIENCE:
+                rows |= rows.any(axis=2, keepdims=True) & free
             w, z, status = self._solve_dual(program, bounds, rows, excess_free)
             values = _values(program, w, bounds)
             broken = _excess(values, bounds) > bounds.tolerance
@@ -244,22 +255,7 @@ class ProgramSolver:
             status = QpStatus.ITERATION_LIMIT
         self._likely = np.zeros_like(rows)
         self._likely[rows] = z > _IDLE * z.max(initial=0.0)
-        return self._optimum(w, values, status, broken, program, bounds, rows, z)
-
-    @staticmethod
-    def _optimum(
-        w: Array,
-        values: Array,
-        status: QpStatus,
-        broken: NDArray[np.bool_],
-        program: Program,
-        bounds: Bounds,
-        rows: NDArray[np.bool_] | None = None,
-        multipliers: Array | None = None,
-    ) -> Optimum:
         softened = bool(broken[:, 1:3].any())
-        rows = np.zeros_like(broken) if rows is None else rows
-        z = np.zeros(0) if multipliers is None else multipliers
         return Optimum(w, values[0], values[1:3], status, softened, rows, z, program, bounds)
 
     def _solve_dual(
@@ -288,6 +284,14 @@ class ProgramSolver:
         return program.w_free - z @ through, z, solution.status
 
 
+def _free_optimum(program: Program, values: Array, bounds: Bounds, status: QpStatus) -> Optimum:
+    """Return the minimiser without limits as an optimum in which no limit was considered."""
+    rows = np.zeros((2, *values.shape), dtype=np.bool_)
+    none = np.zeros(0)
+    w = program.w_free
+    return Optimum(w, values[0], values[1:3], status, False, rows, none, program, bounds)
+
+
 def _values(program: Program, w: Array, bounds: Bounds) -> Array:
     """Return torque, position, velocity and torque change of each stage, (kinds, N, nv)."""
     torque = program.torques(w)
@@ -304,10 +308,6 @@ def _excess(values: Array, bounds: Bounds) -> Array:
     np.subtract(values, bounds.high, out=excess[0])
     np.subtract(bounds.low, values, out=excess[1])
     return excess
-
-
-def _tolerance(high: Array) -> Array:
-    return _TOLERANCE * np.maximum(np.abs(high), 1.0)
 
 
 def _fixed(program: Program) -> NDArray[np.bool_]:
