@@ -13,9 +13,9 @@ from runs import smooth_run
 
 import arm3dof.ui.page as page
 from arm3dof.errors import InputError, MissingFile
+from arm3dof.files import write_atomically
 from arm3dof.model.library import load_robot
 from arm3dof.runtime.recording import Recording
-from arm3dof.files import write_atomically
 from arm3dof.ui.report import replay_html, write_replay
 
 LIMIT = 5_000_000  # bytes
