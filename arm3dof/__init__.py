@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from arm3dof.control.mpc import MpcController
+    from arm3dof.control.reference import JointTrajectory, cartesian_path
     from arm3dof.control.settings import MpcSettings
     from arm3dof.control.step import Controller, ControlStatus, ControlStep, TorqueSource
     from arm3dof.errors import (
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from arm3dof.model.dynamics import ClosedForm
     from arm3dof.model.kinematics import Reach, inverse_kinematics
     from arm3dof.model.library import list_robots, load_robot
+    from arm3dof.model.reach import Reason, Singularity
     from arm3dof.model.robot import Description, Limits, Robot
     from arm3dof.runtime.loop import run_loop
     from arm3dof.runtime.metrics import Metrics, summarise
@@ -48,6 +50,7 @@ __all__ = [
     "FrameNotFound",
     "InputError",
     "JointState",
+    "JointTrajectory",
     "Limits",
     "Metrics",
     "MissingExtra",
@@ -58,11 +61,14 @@ __all__ = [
     "Plant",
     "Problem",
     "Reach",
+    "Reason",
     "Recording",
     "Robot",
     "RobotError",
+    "Singularity",
     "TorqueSource",
     "__version__",
+    "cartesian_path",
     "inverse_kinematics",
     "list_robots",
     "load_robot",
@@ -72,6 +78,7 @@ __all__ = [
 
 _HOME = {
     "arm3dof.control.mpc": ("MpcController",),
+    "arm3dof.control.reference": ("JointTrajectory", "cartesian_path"),
     "arm3dof.control.settings": ("MpcSettings",),
     "arm3dof.control.step": ("ControlStatus", "ControlStep", "Controller", "TorqueSource"),
     "arm3dof.errors": (
@@ -87,6 +94,7 @@ _HOME = {
     "arm3dof.model.dynamics": ("ClosedForm",),
     "arm3dof.model.kinematics": ("Reach", "inverse_kinematics"),
     "arm3dof.model.library": ("list_robots", "load_robot"),
+    "arm3dof.model.reach": ("Reason", "Singularity"),
     "arm3dof.model.robot": ("Description", "Limits", "Robot"),
     "arm3dof.runtime.loop": ("run_loop",),
     "arm3dof.runtime.metrics": ("Metrics", "summarise"),

@@ -114,6 +114,6 @@ def cartesian_path(robot: Robot, points: ArrayLike, times: ArrayLike) -> JointTr
     for index, point in enumerate(path):
         reach = inverse_kinematics(robot, point, near=q[-1] if q else None)
         if reach.best is None:
-            raise InputError(f"point {index} of the path, {point} m, : {reach.sentence}")
+            raise InputError(f"point {index} of the path, {point} m: {reach.sentence}")
         q.append(reach.best)
     return JointTrajectory(times, np.array(q))
