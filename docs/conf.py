@@ -34,7 +34,10 @@ myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
 # every function and class that a page names exists; names of other libraries are not looked up
 nitpicky = True
-nitpick_ignore_regex = [("py:.*", r"(?!arm3dof\.).*")]
+nitpick_ignore_regex = [
+    ("py:.*", r"(?!arm3dof\.).*"),
+    ("py:class", r"arm3dof\.runtime\.parallel\.(Task|Result)"),  # type variables
+]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
@@ -57,7 +60,8 @@ class Modules(SphinxDirective):
         for found in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
             if found.ispkg or found.name.rpartition(".")[2].startswith("_"):
                 continue
-            public = [n for n in arm3dof.__all__ if found.name == arm3dof._MODULE_OF.get(n)]
+            module = import_module(found.name)
+            public = [name for name in arm3dof.__all__ if hasattr(module, name)]
             lines += [f".. rubric:: {found.name}", "", f".. automodule:: {found.name}"]
             lines += [f"   :exclude-members: {', '.join(public)}", ""] if public else [""]
         node = nodes.section()
