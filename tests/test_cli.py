@@ -25,12 +25,14 @@ from arm3dof.ui.demo_scene import draw_demo
 COMMANDS = (
     "calibrate focal",
     "check",
+    "compare",
     "demo",
     "doctor",
     "ik",
     "robots",
     "see",
     "simulate",
+    "sweep",
     "view",
 )
 POINT = ["0.12", "0.05", "0.08"]
