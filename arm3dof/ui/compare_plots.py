@@ -100,16 +100,8 @@ def _draw_violations(axes: Axes, table: Sequence[Row]) -> None:
 
 
 def _draw_step_time(axes: Axes, table: Sequence[Row]) -> None:
-    names = [row.controller for row in table]
-    for place, row in enumerate(table):
-        color, mark = _look(names, row.controller)
-        p50, p99 = 1e6 * row.step_time_p50, 1e6 * row.step_time_p99
-        axes.plot([p50, p99], [place, place], color=color, linewidth=2.5, zorder=3)
-        axes.plot(p50, place, mark, color=color, markersize=8, zorder=4)
-        axes.annotate(f"{p50:.0f}", (p50, place), (0, 7), textcoords="offset points", ha="center")
-    axes.set_xscale("log")
-    axes.margins(x=0.12)
-    axes.set(title="Control step", xlabel="median to 99th percentile [µs]")
+    _bars(axes, table, [1e6 * row.step_time_p50 for row in table], "{:.0f}")
+    axes.set(title="Control step", xlabel="median wall time [µs]")
 
 
 def _bars(axes: Axes, table: Sequence[Row], values: Sequence[float], form: str) -> None:
