@@ -21,8 +21,8 @@ class MpcSettings:
 
     The state is x = [e; v]: e = q_target - q in rad, v in rad/s; the input u is a joint
     acceleration in rad/s^2, so one choice of weights suits light and heavy arms alike. A ratio
-    ``position weight / input_weight`` = w^4 makes each joint behave like a critically damped
-    servo of about w rad/s: the default, w = 10, settles in roughly 0.8 s. A larger
+    ``position weight / input_weight`` = w^4 makes each joint behave like a servo of about w rad/s
+    with a damping ratio of 0.71: the default, w = 10, settles in roughly 0.8 s. A larger
     velocity weight slows the arm and damps it; a larger input weight saves energy and lets the
     error live longer.
 
