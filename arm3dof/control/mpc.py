@@ -110,7 +110,7 @@ class MpcController:
         state = self.observer.predict(state)
         if not np.isfinite(reference.q).all():
             return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)
-        if self.observer.jumped or self._target_jumped(reference):
+        if self._target_jumped(reference) or self.observer.jumped:
             self._forget_plan()
         with np.errstate(all="ignore"):  # an absurd state overflows; its program is not solved
             optimum, plan = self._optimise(state, reference)
