@@ -17,12 +17,14 @@ class Motion(NamedTuple):
 
     Attributes:
         q_target: shape (nv,) [rad].
+        t: shape (k,) [s].
         q: shape (k, nv) [rad].
         v: shape (k, nv) [rad/s].
         saturation: share of the steps in which a torque was at its limit.
     """
 
     q_target: Array
+    t: Array
     q: Array
     v: Array
     saturation: float
@@ -30,7 +32,7 @@ class Motion(NamedTuple):
     @property
     def states(self) -> list[JointState]:
         """The states as a controller takes them."""
-        return [JointState(0.0, q, v) for q, v in zip(self.q, self.v, strict=True)]
+        return [JointState(*row) for row in zip(self.t, self.q, self.v, strict=True)]
 
 
 def record_motions(
@@ -64,4 +66,4 @@ def _record(
     rows = recording.control_rows
     at_limit = np.abs(recording.tau[rows]) >= (1 - 1e-6) * robot.limits.tau_max
     saturation = float(at_limit.any(axis=1).mean())
-    return Motion(target, recording.q[rows], recording.v[rows], saturation)
+    return Motion(target, recording.t[rows], recording.q[rows], recording.v[rows], saturation)
