@@ -628,6 +628,16 @@ def test_doctor_sees_a_shadowing_install(monkeypatch, tmp_path):
     assert "ROS" in finding.cure
 
 
+def test_doctor_names_the_package_of_a_missing_library(monkeypatch, tmp_path):
+    (tmp_path / "proxsuite.py").write_text(
+        "raise ImportError('libgomp.so.1: cannot open shared object file: No such file')"
+    )
+    monkeypatch.chdir(tmp_path)  # where `python -c` looks first
+    finding = next(it for it in doctor.examine() if it.what == "import proxsuite")
+    assert not finding.ok
+    assert "apt-get install libgomp1" in finding.cure
+
+
 def test_a_broken_installation_is_explained_not_a_traceback(tmp_path):
     (tmp_path / "pinocchio").mkdir()
     (tmp_path / "pinocchio" / "__init__.py").write_text("raise ImportError('wrong binary')")

@@ -7,6 +7,7 @@ an old interpreter to reach the line that says which one is needed.
 """
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,12 +16,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 OLDEST = (3, 11)
+# shared libraries that wheels take for granted and a bare Debian lacks, and their packages
+LIBRARIES = {"libgomp.so.1": "libgomp1", "libGL.so.1": "libgl1"}
 
 
 def main(extras):
     """Create the environment when there is none, then install the package with ``extras``."""
     python = VENV / "bin" / "python"
-    if not python.exists():
+    if not (VENV / "bin" / "pip").exists():
         check_version()
         check_venv()
         say(f"creating .venv with {sys.executable}")
@@ -29,6 +32,7 @@ def main(extras):
     say(f"installing arm3dof{wanted} into .venv (the first time takes a few minutes)")
     pins = ("-c", ROOT / "constraints.txt")
     run(python, "-m", "pip", "install", "--quiet", *pins, "--editable", f"{ROOT}{wanted}")
+    check_libraries(python)
 
 
 def check_version():
@@ -47,12 +51,26 @@ def check_venv():
     if subprocess.run(probe, stderr=subprocess.DEVNULL).returncode == 0:
         return
     package = f"python{dotted(sys.version_info[:2])}-venv"
+    install(package, f"{sys.executable} cannot create environments")
+
+
+def check_libraries(python):
+    """Make sure that the compiled modules find the system's libraries that they need."""
+    probe = [str(python), "-c", "import pinocchio, proxsuite, cv2"]
+    for _ in LIBRARIES:
+        done = subprocess.run(probe, stderr=subprocess.PIPE, text=True)
+        missing = re.search(r"(lib\S+): cannot open shared object file", done.stderr)
+        if not missing:
+            return
+        library = missing.group(1)
+        install(LIBRARIES.get(library, library), f"the library {library} is missing")
+
+
+def install(package, why):
+    """Install a package of the system when that is allowed, else stop with the cure."""
     if os.geteuid() != 0 or not shutil.which("apt-get"):
-        stop(
-            f"{sys.executable} cannot create environments; install its venv module "
-            f"(Debian and Ubuntu: sudo apt-get install {package})"
-        )
-    say(f"installing {package}")
+        stop(f"{why}; install {package} (Debian and Ubuntu: sudo apt-get install {package})")
+    say(f"{why}: installing {package}")
     os.environ["DEBIAN_FRONTEND"] = "noninteractive"
     run("apt-get", "update", "-qq")
     run("apt-get", "install", "-y", "-qq", "--no-install-recommends", package)

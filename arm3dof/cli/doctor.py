@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes.util
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -27,6 +28,7 @@ OPENCV = (
     "opencv-contrib-python",
     "opencv-contrib-python-headless",
 )
+LIBRARIES = {"libgomp.so.1": "libgomp1", "libGL.so.1": "libgl1"}
 MODULES = ("pinocchio", "proxsuite", "cv2")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox", "xdg-open", "open")
 VIEWER_PORT = 7000
@@ -117,12 +119,21 @@ def _module(name: str) -> Finding:
     what = f"import {name}"
     if run.returncode:
         reason = (run.stderr.strip().splitlines() or [f"exit code {run.returncode}"])[-1]
-        return Finding(what, ok=False, found=reason, cure=_shadow_cure() or "reinstall arm3dof")
+        cure = _shadow_cure() or _library_cure(reason) or "reinstall arm3dof"
+        return Finding(what, ok=False, found=reason, cure=cure)
     path = run.stdout.strip()
     if path.startswith(sys.prefix):
         return Finding(what, ok=True, found=path)
     cure = _shadow_cure() or f"this copy is outside {sys.prefix}: install arm3dof in a venv"
     return Finding(what, ok=False, found=f"shadowed by {path}", cure=cure)
+
+
+def _library_cure(reason: str) -> str:
+    missing = re.search(r"(lib\S+): cannot open shared object file", reason)
+    if missing is None:
+        return ""
+    package = LIBRARIES.get(missing[1], missing[1])
+    return f"install the system's {package} (Debian and Ubuntu: sudo apt-get install {package})"
 
 
 def _shadow_cure() -> str:
