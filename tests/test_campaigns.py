@@ -1,0 +1,37 @@
+"""The campaigns against the controller, small enough to run often."""
+
+import pytest
+
+from arm3dof import MpcSettings
+from benchmarks import campaign_control, campaign_loops
+from benchmarks.campaign_loops import Conditions
+
+
+@pytest.mark.slow
+def test_hostile_steps_violate_nothing():
+    found, tables = campaign_control.fuzz(300, seed=5)
+    assert found["steps"] == 300
+    assert found["violations"] == {}, found["examples"]
+    assert found["compared_with_fresh"] > 0
+    assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
+
+
+@pytest.mark.slow
+def test_random_loops_settle_without_noise_and_every_other_one_is_explained():
+    conditions = {
+        "exact": Conditions(MpcSettings(), model_error=0.0, noise_deg=0.0),
+        "noisy": Conditions(MpcSettings(), noise_deg=0.5),
+    }
+    found, tables = campaign_control.loops(8, 3, conditions)
+    assert found["exact"]["fraction"] == 1.0
+    late = found["noisy"]["not_in_time"]
+    assert len(late) == found["noisy"]["loops"] - found["noisy"]["settled_in_time"]
+    assert all(loop["cause"] for loop in late)
+    assert [len(row) for row in tables[0].rows] == [len(tables[0].columns)] * 2
+
+
+def test_a_loop_is_the_same_whenever_it_is_run():
+    task = (Conditions(MpcSettings(), noise_deg=0.0), 0, range(2))
+    first, second = campaign_loops.run_loops(task)
+    assert campaign_loops.run_loops(task) == [first, second]
+    assert (first.index, second.index) == (0, 1)
