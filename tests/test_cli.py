@@ -292,6 +292,13 @@ def test_simulate_is_the_papers_experiment(ask, tmp_path):
     np.testing.assert_array_equal(recording.q[0], 0)
 
 
+def test_simulate_with_the_papers_controller(ask, refused):
+    code, answer = ask("simulate", "--formulation", "paper", "--duration", "3")
+    assert code == 0
+    assert answer["settling_time_s"] < 3
+    assert "torque" in refused("simulate", "--formulation", "mine")
+
+
 def test_simulate_to_a_point(ask):
     code, answer = ask("simulate", "--target-m", "0.1,0.1,0.1", "--duration", "3")
     assert code == 0

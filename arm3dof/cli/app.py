@@ -13,7 +13,7 @@ from arm3dof.cli import compare, demo, doctor, output, robots, see, simulate, sw
 from arm3dof.cli.options import JsonFlag
 from arm3dof.errors import ArmError
 
-app = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
+app = typer.Typer(add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False)
 
 
 @app.callback(invoke_without_command=True)

@@ -34,7 +34,7 @@ from arm3dof.cli.options import (
 from arm3dof.cli.progress import control_steps
 from arm3dof.cli.robots import show_reach
 from arm3dof.cli.units import read_configuration
-from arm3dof.control.settings import MpcSettings
+from arm3dof.control.settings import Formulation, MpcSettings
 from arm3dof.errors import InputError
 from arm3dof.files import write_atomically
 from arm3dof.model.kinematics import inverse_kinematics
@@ -75,6 +75,9 @@ def simulate(
             show_default=False,
         ),
     ] = None,
+    formulation: Annotated[
+        Formulation, typer.Option(help="What the MPC decides, and on which model.")
+    ] = MpcSettings.formulation,
     horizon: Annotated[int, typer.Option(metavar="N", help="Stages that the MPC plans.")] = 20,
     dt: Annotated[float, typer.Option(metavar="T", help="Sampling time in seconds.")] = 0.05,
     duration: Annotated[
@@ -92,13 +95,14 @@ def simulate(
 ) -> int:
     """Drive a robot to a target under model predictive control, in simulation.
 
-    Without options this is the paper's experiment. The controller is told of no payload, push,
+    Without options this is the paper's experiment, and with --formulation paper it is the paper's
+    controller too. The controller is told of no payload, push,
     wrench, model error, noise or delay: they befall the simulated arm alone. With --out it writes
     the recording (run.npz), the paper's four figures and summary.json. The answer is no when the
     arm does not settle.
     """
     arm = robot_from(robot, changes)
-    settings = MpcSettings(horizon=horizon, dt=dt)
+    settings = MpcSettings(formulation=formulation, horizon=horizon, dt=dt)
     start = experiment.default_start(arm)
     if start_deg is not None:
         start = read_configuration(arm, start_deg, "--start-deg")
