@@ -33,6 +33,7 @@ from arm3dof.state import Array
 
 _TOLERANCE = 1e-6  # a limit counts as kept up to this share of its size (1 rad, 1 rad/s at least)
 _MOST_ROUNDS = 8
+_MOST_ROWS = 3.0  # limits a decision; with more, braking is the better answer
 _PATIENCE = 3  # after so many rounds a joint's limit is added for all stages at once
 _IDLE = 1e-9  # a multiplier below this share of the largest did not matter
 
@@ -241,10 +242,14 @@ class ProgramSolver:
             rows |= self._likely & free
         new = broken & free
         w, z, status = program.w_free, np.zeros(0), QpStatus.SOLVED
+        values = excess_free[0] + bounds.high
         for attempt in range(_MOST_ROUNDS):
             rows |= new
             if attempt >= _PATIENCE:
                 rows |= rows.any(axis=2, keepdims=True) & free
+            if np.count_nonzero(rows) > _MOST_ROWS * w.size:
+                self._likely = None
+                return _free_optimum(program, values, bounds, QpStatus.ITERATION_LIMIT)
             w, z, status = self._solve_dual(program, bounds, rows, excess_free)
             values = _values(program, w, bounds)
             broken = _excess(values, bounds) > bounds.tolerance
