@@ -565,7 +565,7 @@ def test_simulate_takes_disturbances(simulate, arm):
     assert np.abs(run.q[:101] - calm.q[:101]).max() == 0
     _, run, _ = simulate("--payload-kg", "0.1")
     assert run.load_robot().payload.mass == 0.1
-    assert run.q[:, 1].min() < calm.q[:, 1].min() - 0.02
+    assert run.q[:, 1].min() < calm.q[:, 1].min() - 0.002  # it sags until the load is learned
     _, run, _ = simulate("--model-error", "20", "--seed", "7")
     assert np.abs(run.load_robot().gravity(np.zeros(3)) - arm.gravity(np.zeros(3))).max() > 1e-3
     _, again, _ = simulate("--model-error", "20", "--seed", "7", "--noise-deg", "0.1")
