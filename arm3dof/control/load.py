@@ -64,8 +64,8 @@ class LoadEstimator:
         self.load, self.mass_error = 0.0, 0.0
         self._yy = self._ys = self._ss = self._yr = self._sr = 0.0
 
-    def learn(self, q: Array, v: Array, a: Array, tau: Array) -> None:
-        """Learn from a motion.
+    def unexplained(self, q: Array, v: Array, a: Array, tau: Array) -> Array:
+        """Return the torque of a motion that the nominal robot leaves open, shape (nv,) [N m].
 
         Args:
             q: position in the middle of the motion, shape (nv,) [rad].
@@ -76,6 +76,12 @@ class LoadEstimator:
         rigid = np.array(pin.rnea(self._nominal.model, self._data, q, v, a))
         per_load = pin.rnea(self._unit.model, self._data, q, v, a) - rigid
         unexplained = tau - rigid - self._damping * v
+        self._motion = unexplained, per_load, rigid
+        return np.asarray(unexplained)
+
+    def learn(self) -> None:
+        """Learn from the motion that ``unexplained`` was asked about last."""
+        unexplained, per_load, rigid = self._motion
         # the normal equations of the two unknowns, in noise units; small enough to write out
         y, s, r = per_load * self._weight, rigid * self._weight, unexplained * self._weight
         self._yy = _FORGET * self._yy + float(y @ y)
@@ -89,7 +95,6 @@ class LoadEstimator:
         error = (yy * self._sr - self._ys * self._yr) / determinant
         self.load = min(max(load, 0.0), self._most_load)
         self.mass_error = min(max(error, _MASS_ERROR_RANGE[0]), _MASS_ERROR_RANGE[1])
-        self._motion = unexplained, per_load, rigid
 
     def remainder(self) -> Array:
         """Return the torque of the last motion that the taught robot leaves open, (nv,) [N m]."""

@@ -18,6 +18,8 @@ from arm3dof.state import Array, JointState
 
 _JUMP = 0.05  # [rad]: a position this far from where the velocities lead has jumped
 
+_MOST_UNEXPLAINED = 3.0  # torque that may come from outside, in multiples of the joint's own
+
 
 class Observer:
     """Estimates load and disturbance, and predicts the state over the declared delay.
@@ -102,7 +104,11 @@ class Observer:
         torque = share * self._commands[0][1] + (1 - share) * self._commands[1][1]
         acceleration = (state.v - last.v) / self._dt
         q, v = (last.q + state.q) / 2, (last.v + state.v) / 2
-        self.estimator.learn(q, v, acceleration, torque)
+        most = _MOST_UNEXPLAINED * self._robot.limits.tau_max
+        if (np.abs(self.estimator.unexplained(q, v, acceleration, torque)) > most).any():
+            self.jumped = True  # no load or push does this: the measurements do not belong together
+            return False
+        self.estimator.learn()
         taught = self.estimator.teach(self._robot)
         limit = self._robot.limits.tau_max
         learned = self.disturbance - self._gain * (self.estimator.remainder() + self.disturbance)
