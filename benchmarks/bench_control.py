@@ -5,8 +5,10 @@ All answer the same states along the same closed loops, in turns, one thread eac
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,10 +34,12 @@ OURS, PROXQP = "arm3dof", "ProxQP"
 PEERS = {
     "Crocoddyl, 1 iteration": "crocoddyl, 1 iteration",
     "Crocoddyl, converged": "crocoddyl, converged",
-    "IPOPT": "ipopt",
+    "IPOPT": "ipopt, soft limits",
+    "IPOPT, hard limits": "ipopt",
 }
 ONE_ITERATION = "Crocoddyl, 1 iteration"
-ROUNDS, SLOW_ROUNDS = 10, 2
+ROUNDS = 10
+ROUNDS_OF_THE_SLOW = {PROXQP: 5, **dict.fromkeys(PEERS, 2), ONE_ITERATION: ROUNDS}
 MOTIONS, DURATION = 4, 2.0  # [s]
 
 
@@ -80,17 +84,29 @@ def run(*, quick: bool) -> list[Table]:
     """Measure all robots and horizons; ``quick`` measures ours and ProxQP for a moment."""
     if quick:
         return tables([measure(load_robot("arm3dof"), 10, None, motions=1, rounds=1)])
-    cases = []
-    with PeerProcess() as peers:
-        for name in ROBOTS:
-            for horizon in HORIZONS:
-                print(f"   {name}, N = {horizon}", file=sys.stderr, flush=True)
-                cases.append(measure(load_robot(name), horizon, peers))
+    cases = measure_all(ROBOTS, HORIZONS, ROUNDS)
     goals = judge(cases)
     RESULTS.parent.mkdir(exist_ok=True)
     found = {"machine": machine(), "cases": [case.to_dict() for case in cases], "goals": goals}
     RESULTS.write_text(json.dumps(found, indent=1) + "\n")
     return [*tables(cases), goal_table(goals)]
+
+
+def measure_all(robots: Sequence[str], horizons: Sequence[int], rounds: int) -> list[Case]:
+    """Time some robots and horizons, with the peers.
+
+    Args:
+        robots: names.
+        horizons: numbers of stages N.
+        rounds: how often each motion is answered.
+    """
+    cases = []
+    with PeerProcess() as peers:
+        for name in robots:
+            for horizon in horizons:
+                print(f"   {name}, N = {horizon}", file=sys.stderr, flush=True)
+                cases.append(measure(load_robot(name), horizon, peers, rounds=rounds))
+    return cases
 
 
 def measure(
@@ -108,7 +124,7 @@ def measure(
         horizon: number of stages N.
         peers: the peers' process; without it ours and ProxQP are timed alone.
         motions: number of closed loops.
-        rounds: how often each is answered; IPOPT answers it twice at most.
+        rounds: how often each is answered; ``ROUNDS_OF_THE_SLOW`` answer it less often.
     """
     settings = MpcSettings(horizon=horizon)
     recorded = record_motions(robot, settings, motions, DURATION)
@@ -126,7 +142,7 @@ def measure(
         facts["disagreement"] = peers.load(problem_of(robot, settings))
         asked = {label: PeerContestant(peers, name, recorded) for label, name in PEERS.items()}
         contestants |= asked
-    turns = {name: rounds if name != "IPOPT" else min(rounds, SLOW_ROUNDS) for name in contestants}
+    turns = {name: min(rounds, ROUNDS_OF_THE_SLOW.get(name, rounds)) for name in contestants}
     timings = take_turns(contestants, motions, turns)
     facts["peers"] = {label: peer.facts() for label, peer in asked.items()}
     parts = shares(robot, settings, recorded)
@@ -175,6 +191,7 @@ def judge(cases: list[Case]) -> list[dict[str, Any]]:
     goals = [
         ("3 joints, N = 20: p50 by Crocoddyl's one iteration", arm.ratio(ONE_ITERATION), 0.8),
         ("3 joints, N = 20: p50 by IPOPT", arm.ratio("IPOPT"), 1 / 40),
+        ("the same by IPOPT with hard limits", arm.ratio("IPOPT, hard limits"), 1 / 40),
         ("3 joints, N = 20: p50 by ProxQP alone", arm.ratio(PROXQP), 2.0),
         ("3 joints, N = 20: p99 by p50", ours.p99 / ours.p50, 3.0),
         ("the same, each step in its best round", ours.calm_p99 / ours.calm_p50, 3.0),
@@ -252,3 +269,18 @@ def _times(timing: Timing) -> str:
 def _spread(case: Case) -> tuple[str, str]:
     ours = case.timings[OURS]
     return f"{ours.p99 / ours.p50:.2f}", f"{ours.calm_p99 / ours.calm_p50:.2f}"
+
+
+def main() -> None:
+    """Measure a part and print its tables, without keeping them."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.bench_control")
+    parser.add_argument("--robots", nargs="+", default=ROBOTS, choices=ROBOTS)
+    parser.add_argument("--horizons", nargs="+", type=int, default=HORIZONS)
+    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    asked = parser.parse_args()
+    for table in tables(measure_all(asked.robots, asked.horizons, asked.rounds)):
+        print(f"\n{table.text()}")
+
+
+if __name__ == "__main__":
+    main()

@@ -152,8 +152,8 @@ def test_every_goal_is_judged():
         for horizon in bench_control.HORIZONS
     ]
     goals = bench_control.judge(cases)
-    assert [goal["figure"] for goal in goals] == [0.3333, 0.2, 0.5, 1.0, 1.0, 0.3333, 1.0]
-    assert [goal["met"] for goal in goals] == [True, False, True, True, True, True, True]
+    assert [goal["figure"] for goal in goals] == [0.3333, 0.2, 0.1667, 0.5, 1.0, 1.0, 0.3333, 1.0]
+    assert [goal["met"] for goal in goals] == [True, False, False, True, True, True, True, True]
     for table in (*bench_control.tables(cases), bench_control.goal_table(goals)):
         assert all(len(row) == len(table.columns) for row in table.rows)
     assert json.dumps([case.to_dict() for case in cases])
