@@ -60,7 +60,10 @@ class Fallback:
         self._fits = False
 
     def expire(self) -> None:
-        """Stop offering the plan as a start for the next; it may still bridge a gap."""
+        """Stop following the plan, and offering it as a start for the next one.
+
+        It may still tell where the arm is while measurements are missing.
+        """
         self._fits = False
 
     def remember(self, plan: Plan) -> None:
@@ -90,7 +93,8 @@ class Fallback:
             nothing = np.zeros((1, self._robot.nv))
             plan = Plan(nothing, nothing, nothing)
             return Answer(nothing[0], nothing[0], nothing[0], plan, TorqueSource.BRAKING)
-        if self._plan is not None and self._age <= min(self._most_steps, len(self._plan.u) - 1):
+        valid = self._plan is not None and self._age <= min(self._most_steps, len(self._plan.u) - 1)
+        if self._plan is not None and valid and (self._fits or state is None):
             rest = Plan(*(part[self._age :] for part in self._plan))
             u, source = rest.u[0], TorqueSource.PREVIOUS_PLAN
         else:
