@@ -17,7 +17,11 @@ ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 OLDEST = (3, 11)
 # shared libraries that wheels take for granted and a bare Debian lacks, and their packages
-LIBRARIES = {"libgomp.so.1": "libgomp1", "libGL.so.1": "libgl1"}
+LIBRARIES = {
+    "libatomic.so.1": "libatomic1",
+    "libGL.so.1": "libgl1",
+    "libgomp.so.1": "libgomp1",
+}
 
 
 def main(extras):
@@ -32,7 +36,7 @@ def main(extras):
     say(f"installing arm3dof{wanted} into .venv (the first time takes a few minutes)")
     pins = ("-c", ROOT / "constraints.txt")
     run(python, "-m", "pip", "install", "--quiet", *pins, "--editable", f"{ROOT}{wanted}")
-    check_libraries(python)
+    check_libraries(str(python), "-c", "import pinocchio, proxsuite, cv2")
 
 
 def check_version():
@@ -54,11 +58,10 @@ def check_venv():
     install(package, f"{sys.executable} cannot create environments")
 
 
-def check_libraries(python):
-    """Make sure that the compiled modules find the system's libraries that they need."""
-    probe = [str(python), "-c", "import pinocchio, proxsuite, cv2"]
+def check_libraries(*command):
+    """Run a command until it finds all shared libraries of the system that it needs."""
     for _ in LIBRARIES:
-        done = subprocess.run(probe, stderr=subprocess.PIPE, text=True)
+        done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         missing = re.search(r"(lib\S+): cannot open shared object file", done.stderr)
         if not missing:
             return
@@ -66,9 +69,14 @@ def check_libraries(python):
         install(LIBRARIES.get(library, library), f"the library {library} is missing")
 
 
+def can_install():
+    """Return whether this process may install packages of the system."""
+    return os.geteuid() == 0 and shutil.which("apt-get") is not None
+
+
 def install(package, why):
     """Install a package of the system when that is allowed, else stop with the cure."""
-    if os.geteuid() != 0 or not shutil.which("apt-get"):
+    if not can_install():
         stop(f"{why}; install {package} (Debian and Ubuntu: sudo apt-get install {package})")
     say(f"{why}: installing {package}")
     os.environ["DEBIAN_FRONTEND"] = "noninteractive"

@@ -2,46 +2,38 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
 
+from bootstrap import can_install, check_libraries, install, say, stop
+from playwright.sync_api import sync_playwright
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
 
-def main() -> int:
-    """Return 0 when a browser is there at the end, 1 with a line about the cure when not."""
-    if found := find():
-        print(f"== browser: {found}")
-        return 0
-    if os.geteuid() == 0 and shutil.which("apt-get"):
-        print("== installing Debian's chromium for the browser tests", flush=True)
-        environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
-        subprocess.run(["apt-get", "update", "-qq"], check=False)
-        install = ["apt-get", "install", "-y", "-qq", "--no-install-recommends", "chromium"]
-        subprocess.run(install, env=environment, check=False)
-        if find():
-            return 0
-    print("== installing Playwright's chromium for the browser tests", flush=True)
-    subprocess.run([sys.executable, "-m", "playwright", "install", "chromium"], check=False)
-    if find():
-        return 0
-    print("error: no Chromium could be found or installed; run make test-fast", file=sys.stderr)
-    return 1
+def main() -> None:
+    """Find or install a browser; stop with a line about the cure when there is none."""
+    playwright = (sys.executable, "-m", "playwright")
+    check_libraries(*playwright, "--version")
+    if find() is None and can_install():
+        install("chromium", "the browser tests need a browser")
+    if find() is None:
+        say("installing Playwright's chromium for the browser tests")
+        subprocess.run([*playwright, "install", "chromium"], check=False)
+    if (browser := find()) is None:
+        stop("no Chromium could be found or installed; run make test-fast, which needs none")
+    say(f"browser: {browser}")
 
 
 def find() -> str | None:
     """Return the path of an installed Chromium: on the PATH, or Playwright's own."""
-    from playwright.sync_api import sync_playwright
-
     for name in NAMES:
         if path := shutil.which(name):
             return path
     with sync_playwright() as playwright:
-        path = playwright.chromium.executable_path
-    return path if shutil.which(path) else None
+        return shutil.which(playwright.chromium.executable_path)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
