@@ -14,7 +14,7 @@ import typer
 
 import arm3dof
 from arm3dof.cli import app
-from arm3dof.config.camera_file import load_camera
+from arm3dof.config.camera_file import load_camera, parse_camera
 from arm3dof.ui.demo_scene import draw_demo
 
 ROOT = Path(__file__).parent.parent
@@ -61,6 +61,14 @@ def test_the_readmes_program_runs(tmp_path, monkeypatch):
 def test_the_versions_agree():
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\nversion: {arm3dof.__version__}\n" in citation
+
+
+def test_the_cameras_file_that_is_shown_can_be_read():
+    page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"^```toml\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    camera, targets = parse_camera(text, "formats.md")
+    assert camera.width == 640
+    assert targets["green"].shape == "cylinder"
 
 
 # ---- the command line --------------------------------------------------------------------------
