@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 
 from arm3dof.cli import output
+from arm3dof.cli.doctor import VIEWER_PORT
 from arm3dof.cli.options import JsonFlag
 from arm3dof.cli.simulate import show_metrics
 from arm3dof.errors import InputError
@@ -22,13 +23,11 @@ from arm3dof.runtime.recording import Recording
 if TYPE_CHECKING:  # the server loads only where something is shown
     from arm3dof.ui.server import LocalServer
 
-FAVOURITE_PORT = 7000
-
 Port = Annotated[
     int | None,
     typer.Option(
         metavar="PORT",
-        help=f"Port of the page; 0 takes any. Default: {FAVOURITE_PORT}, or any when it is taken.",
+        help=f"Port of the page; 0 takes any. Default: {VIEWER_PORT}, or any when it is taken.",
         show_default=False,
     ),
 ]
@@ -96,7 +95,7 @@ def _server(recording: Recording, port: int | None) -> LocalServer:
     if port is not None:
         return serve(window, port)
     try:
-        return serve(window, FAVOURITE_PORT)
+        return serve(window, VIEWER_PORT)
     except InputError:  # taken: any other will do
         return serve(window, 0)
 
