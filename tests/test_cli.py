@@ -507,20 +507,30 @@ def saved_run(tmp_path_factory):
     return folder / "run.npz"
 
 
-def start_program(*words):
-    """Start the program in a process of its own, and return it with its first JSON object."""
-    process = subprocess.Popen(
-        [Path(sys.executable).with_name("arm3dof"), *map(str, words)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    lines = []
-    for line in process.stdout:
-        lines.append(line)
-        if line == "}\n":
-            return process, json.loads("".join(lines))
-    pytest.fail(f"no JSON object: {process.communicate()[1]}")
+@pytest.fixture
+def start_program():
+    """Return a function that starts the program in a process of its own until it says JSON."""
+    started = []
+
+    def start(*words):
+        process = subprocess.Popen(
+            [Path(sys.executable).with_name("arm3dof"), *map(str, words)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        started.append(process)
+        lines = []
+        for line in process.stdout:
+            lines.append(line)
+            if line == "}\n":
+                return process, json.loads("".join(lines))
+        pytest.fail(f"no JSON object: {process.communicate()[1]}")
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
 
 
 def stop(process):
@@ -530,18 +540,14 @@ def stop(process):
     return process.returncode, err
 
 
-def test_view_serves_until_ctrl_c(saved_run):
+def test_view_serves_until_ctrl_c(saved_run, start_program):
     process, answer = start_program("view", saved_run, "--port", "0", "--json")
     with urllib.request.urlopen(answer["url"]) as page:
         assert "arm3dof" in page.read().decode()
     assert stop(process) == (0, "stopped\n")
 
 
-def test_view_takes_another_port_when_the_usual_one_is_taken(saved_run):
-    with socket.socket() as taken:
-        taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        if taken.connect_ex(("127.0.0.1", 7000)) != 0:
-            taken.close()
+def test_view_takes_another_port_when_the_usual_one_is_taken(saved_run, start_program):
     first, one = start_program("view", saved_run, "--json")
     second, two = start_program("view", saved_run, "--json")
     assert one["url"] != two["url"]
