@@ -63,13 +63,13 @@ clean:  ## remove the environments and everything that was built
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BASE): pyproject.toml constraints.txt tools/bootstrap.py
-	@$(PYTHON) tools/bootstrap.py
+	@$(PYTHON) tools/bootstrap.py physics
 	@touch $@
 
 $(DEV): pyproject.toml constraints.txt tools/bootstrap.py
-	@$(PYTHON) tools/bootstrap.py dev robots
+	@$(PYTHON) tools/bootstrap.py dev robots physics studio share
 	@touch $@ $(BASE)
 
 $(DOCS): pyproject.toml constraints.txt tools/bootstrap.py
-	@$(PYTHON) tools/bootstrap.py dev robots docs
+	@$(PYTHON) tools/bootstrap.py dev robots physics studio share docs
 	@touch $@ $(DEV) $(BASE)
