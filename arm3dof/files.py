@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from arm3dof.errors import InputError
@@ -15,16 +17,30 @@ def write_atomically(path: Path, data: bytes) -> None:
     Raises:
         InputError: the folder cannot be made or written.
     """
+    with draft_of(path) as draft:
+        draft.write_bytes(data)
+
+
+@contextmanager
+def draft_of(path: Path) -> Iterator[Path]:
+    """Give an empty file to write to, which takes its place when the block ends without an error.
+
+    For what is written piece by piece; an error or Ctrl-C leaves whatever was at ``path`` before.
+
+    Raises:
+        InputError: the folder cannot be made or written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        os.close(handle)
+        draft = Path(name)
         try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            Path(draft).chmod(0o644)  # mkstemp's files are for their owner alone
-            Path(draft).replace(path)
+            yield draft
+            draft.chmod(0o644)  # mkstemp's files are for their owner alone
+            draft.replace(path)
         except BaseException:
-            Path(draft).unlink(missing_ok=True)
+            draft.unlink(missing_ok=True)
             raise
     except OSError as error:
         raise InputError(
