@@ -2,47 +2,34 @@
 
 import numpy as np
 import pytest
-from scenes import COLOURS, random_trial
 
+from arm3dof.runtime.campaign import run_campaign
+from arm3dof.runtime.see_trial import SeeTrial, goals, see_report
+from arm3dof.runtime.table_scenes import COLOURS, random_scene
 from arm3dof.vision.colour import ColourTarget
 from arm3dof.vision.locate import look
 
 
-def measure(seed):
-    """Return the relative error of depth, in sigmas too, and the distance by which it is off."""
-    trial = random_trial(np.random.default_rng([seed, 2026]))
-    view = look(trial.image, trial.camera, [trial.target])
-    assert len(view.located) == 1, f"scene {seed}: {view}"
-    assert view.refused == (), f"scene {seed}: {view}"
-    it = view.located[0]
-    depth = trial.camera.to_camera(trial.centre)[2]
-    assert 0.15 <= depth <= 0.6
-    error = it.depth_m - depth
-    return error / depth, error / it.depth_sigma_m, np.linalg.norm(it.p_base - trial.centre)
-
-
-def judge(seeds):
-    relative, sigmas, distance = np.array([measure(seed) for seed in seeds]).T
-    assert np.abs(relative).max() < 0.03
-    assert np.median(distance) < 0.003
-    assert np.percentile(distance, 95) < 0.008
-    # nine in ten lie within what a normal law with the stated sigma gives nine in ten
-    assert np.mean(np.abs(sigmas) < 1.645) > 0.85
-
-
-def test_depth_is_recovered_in_drawn_scenes():
-    judge(range(60))
+def test_objects_are_found_where_they_are():
+    report = see_report(run_campaign(SeeTrial(), 60, 2026))
+    assert report["recall"] == 1
+    assert report["false_objects"] == 0
+    assert report["median_error_m"] < 0.003
+    assert report["p95_error_m"] < 0.008
+    assert report["coverage_90"] > 0.8
 
 
 @pytest.mark.slow
-def test_depth_is_recovered_in_five_hundred_drawn_scenes():
-    judge(range(60, 560))
+def test_the_goals_are_reached_over_three_hundred_tables():
+    report = see_report(run_campaign(SeeTrial(), 300, 7))
+    assert all(goals(report).values()), report
 
 
 def test_colours_that_are_not_there_are_not_seen():
     for seed in range(25):
-        trial = random_trial(np.random.default_rng([seed, 7]))
-        trial.image[:] = trial.image[:, :, [1, 1, 1]]  # the same scene without any colour
+        table = random_scene(np.random.default_rng([seed, 7]))
+        image = SeeTrial().picture(table, np.random.default_rng(seed))
+        image[:] = image[:, :, [1, 1, 1]]  # the same scene without any colour
         targets = [ColourTarget(name, COLOURS[name][1], 0.03) for name in COLOURS]
-        view = look(trial.image, trial.camera, targets)
+        view = look(image, table.camera, targets)
         assert view.located == view.refused == ()

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from arm3dof.cli import compare, demo, doctor, output, robots, see, simulate, sweep, view
+from arm3dof.cli import campaign, compare, demo, doctor, output, robots, see, simulate, sweep, view
 from arm3dof.cli.options import JsonFlag
 from arm3dof.errors import ArmError
 
@@ -46,6 +46,7 @@ app.command()(view.view)
 app.command()(robots.check)
 app.command("robots")(robots.robots)
 app.add_typer(see.calibrate, name="calibrate")
+app.add_typer(campaign.campaign, name="campaign")
 
 
 @app.command("doctor")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -22,6 +21,7 @@ from arm3dof.runtime.experiment import (
     default_target,
     simulate,
 )
+from arm3dof.runtime.journal import fingerprint
 from arm3dof.runtime.metrics import summarise
 from arm3dof.runtime.parallel import PackedRobot, Progress, run_all
 from arm3dof.runtime.sweep_table import SweepTable
@@ -278,8 +278,7 @@ def _run(
 
 def _key(packed: PackedRobot, motion: tuple[Any, ...], settings: MpcSettings) -> str:
     """Return what tells one run from another: all that it depends on, as a short hash."""
-    facts = [version("arm3dof"), asdict(packed), motion, _setting_columns(settings)]
-    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:16]
+    return fingerprint(version("arm3dof"), asdict(packed), motion, _setting_columns(settings))
 
 
 def _setting_columns(settings: MpcSettings) -> dict[str, str]:
