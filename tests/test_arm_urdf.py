@@ -1,4 +1,5 @@
 import importlib
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from xml.etree import ElementTree
@@ -15,6 +16,8 @@ URDF = ROOT / "urdf" / "arm3dof.urdf"
 TEXT = URDF.read_text(encoding="utf-8")
 TREE = ElementTree.fromstring(TEXT)
 STALL = 1.96
+OPEN = {"gripper": 0.0, "left_finger_joint": 0.0}
+FINGERS = ("right_finger", "left_finger")
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +30,7 @@ def tools():
 
 @pytest.fixture
 def robot():
-    return robot_from_description(Description("arm3dof", TEXT))
+    return robot_from_description(Description("arm3dof", TEXT, locked_joints=OPEN))
 
 
 # ---- the script --------------------------------------------------------------------------------
@@ -91,9 +94,14 @@ def test_inertia_is_that_of_a_cloud_of_points(tools, axis):
 
 
 def test_urdf_inertias_are_the_sums_of_the_parts(tools, robot):
-    links = tools("arm_parts").LINKS
-    for name, inertia in zip(("link1", "link2", "link3"), robot.model.inertias[1:], strict=True):
-        body = tools("arm_shapes").sum_parts(links[name])
+    links, opening = tools("arm_parts").LINKS, tools("arm_parts").OPENING
+    forearm = [*links["link3"]]
+    for name, side in zip(FINGERS, (1.0, -1.0), strict=True):
+        pad = np.array([150.0, 0.0, side * opening / 2])
+        forearm += [replace(part, at=tuple(part.at + pad)) for part in links[name]]
+    bodies = (links["link1"], links["link2"], forearm)
+    for parts, inertia in zip(bodies, robot.model.inertias[1:], strict=True):
+        body = tools("arm_shapes").sum_parts(parts)
         assert_allclose(inertia.mass, body.mass, rtol=1e-5)
         assert_allclose(inertia.lever, body.centroid, rtol=1e-5)
         assert_allclose(inertia.inertia, body.tensor, rtol=1e-5)
@@ -120,7 +128,7 @@ def test_joints_links_and_tool(robot):
     assert robot.joint_names == ("joint1", "joint2", "joint3")
     assert robot.tool_frame == "tool"
     names = [link.get("name") for link in TREE.iter("link")]
-    assert names == ["base_link", "link1", "link2", "link3", "tool"]
+    assert names == ["base_link", "link1", "link2", "link3", *FINGERS, "tool"]
 
 
 def test_zero_pose_is_stretched_forward_and_joint_two_lifts(robot):
@@ -177,8 +185,8 @@ def test_inertias_are_physical_and_off_axis(robot):
 def test_shapes_are_primitives_with_known_materials():
     materials = {material.get("name") for material in TREE.findall("material")}
     assert not list(TREE.iter("mesh"))
-    for link in TREE.findall("link")[:4]:
-        assert len(link.findall("visual")) >= 8
+    for link in TREE.findall("link")[:-1]:
+        assert len(link.findall("visual")) >= 5
         assert 2 <= len(link.findall("collision")) <= 4
     used = {visual.find("material").get("name") for visual in TREE.iter("visual")}
     assert used == materials
@@ -204,11 +212,13 @@ def corners(element):
     return np.array([centre - half, centre + half])
 
 
-@pytest.mark.parametrize("name", ["base_link", "link1", "link2", "link3"])
+@pytest.mark.parametrize("name", ["base_link", "link1", "link2", "link3", *FINGERS])
 def test_collision_shapes_cover_what_is_seen(name):
     link = TREE.find(f"link[@name='{name}']")
     solids = [corners(element) for element in link.findall("collision")]
     for visual in link.findall("visual"):
+        if visual.get("name").endswith("_rack"):
+            continue  # it runs inside link 3's palm
         low, high = corners(visual)
         points = low + (high - low) * np.array(list(product((0, 0.5, 1), repeat=3)))
         covered = [
@@ -225,8 +235,11 @@ def test_the_arm_stands_on_the_table(tools):
 
 
 def test_the_tool_is_between_the_pads(tools):
-    link = TREE.find("link[@name='link3']")
-    pads = [corners(v) for v in link.findall("visual") if v.get("name").endswith("_pad")]
-    (left, right) = sorted(pads, key=lambda pad: pad[0][2])
+    joints = {joint.find("child").get("link"): joint for joint in TREE.findall("joint")}
+    pads = []
+    for name in FINGERS:
+        origin = [float(x) for x in joints[name].find("origin").get("xyz").split()]
+        pads.append(corners(TREE.find(f".//visual[@name='{name}_pad']")) + np.array(origin))
+    right, left = pads
     assert_allclose(right[0][2] - left[1][2], 0.050)
     assert_allclose((left + right).mean(axis=0) / 2, [0.150, 0.0, 0.0], atol=1e-12)

@@ -28,7 +28,8 @@ REFERENCE = (ROOT / "urdf" / "arm3dof.urdf").read_text(encoding="utf-8")
 
 
 def build(text, tool="tool", gravity=(0.0, 0.0, -9.81), locked=()):
-    description = Description("test", text, locked_joints=dict(locked), gravity=gravity)
+    locked = {"gripper": 0.0, "left_finger_joint": 0.0, **dict(locked)}
+    description = Description("test", text, locked_joints=locked, gravity=gravity)
     return robot_from_description(description, tool)
 
 

@@ -18,7 +18,8 @@ REFERENCE = (ROOT / "urdf" / "arm3dof.urdf").read_text(encoding="utf-8")
 
 
 def reference(gravity=(0.0, 0.0, -9.81), locked=()):
-    description = Description("arm3dof", REFERENCE, locked_joints=dict(locked), gravity=gravity)
+    locked = {"gripper": 0.0, "left_finger_joint": 0.0, **dict(locked)}
+    description = Description("arm3dof", REFERENCE, locked_joints=locked, gravity=gravity)
     return robot_from_description(description, "tool")
 
 

@@ -211,11 +211,30 @@ def test_broken_files(tmp_path, capfd):
 
 def test_problems_depend_on_what_is_locked(path):
     assert problems_of(path, locked_joints=FINGERS) == ()
-    (problem,) = problems_of(path)
+    (problem,) = problems_of(path, locked_joints=())
     assert problem.where == "joint 'follower'"
     with pytest.raises(RobotError) as caught:
-        load_robot(path)
+        load_robot(path, locked_joints=())
     assert caught.value.problems == (problem,)
+
+
+def test_coupled_fingers_are_held_unless_something_else_is_said(path):
+    assert problems_of(path) == ()
+    assert load_robot(path).description.locked_joints == {"finger": 0.0, "follower": 0.0}
+    moved = load_robot(path, locked_joints={"finger": 0.01})
+    assert moved.description.locked_joints == {"finger": 0.01, "follower": 0.01}
+    free = load_robot(path, locked_joints=["follower"])
+    assert free.joint_names == ("pan", "elbow", "slide", "finger")
+
+
+def test_the_reference_arms_gripper_can_be_held_anywhere_or_moved():
+    closed = load_robot(locked_joints={"gripper": 0.025})
+    pads = [closed.placement(np.zeros(3), f"{side}_finger") for side in ("right", "left")]
+    for pad in pads:
+        np.testing.assert_allclose(pad.translation, [0.255, 0.0, 0.0], atol=1e-12)
+    moving = load_robot(locked_joints=["left_finger_joint"])
+    assert moving.joint_names == ("joint1", "joint2", "joint3", "gripper")
+    assert (moving.tool_frame, moving.nv) == ("tool", 4)
 
 
 def test_continuous_joints_are_revolute_ones_without_limits(path):

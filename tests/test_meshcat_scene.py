@@ -62,7 +62,8 @@ def numbers(packed: msgpack.ExtType) -> np.ndarray:
 def test_every_link_has_a_node_at_its_pose(robot: Robot) -> None:
     scene = Scene(robot)
     rng = np.random.default_rng(1)
-    assert scene.drawing.link_names == ("base_link", "link1", "link2", "link3", "tool")
+    links = ("base_link", "link1", "link2", "link3", "right_finger", "left_finger", "tool")
+    assert scene.drawing.link_names == links
     for _ in range(50):
         q = robot.random_configuration(rng)
         scene.display(q)
@@ -101,10 +102,14 @@ def test_display_takes_nothing_but_a_configuration(robot: Robot) -> None:
 
 def test_locked_joints_are_drawn_where_they_are_locked() -> None:
     text = load_robot().description.urdf
-    locked = robot_from_description(Description("bent", text, (), {"joint2": 1.0}), "tool")
+    locks = {"joint2": 1.0, "gripper": 0.01, "left_finger_joint": 0.01}
+    locked = robot_from_description(Description("bent", text, (), locks), "tool")
     free = load_robot()
     scene = Scene(locked)
     scene.display([0.3, -0.4])
+    grip = load_robot(locked_joints={"gripper": 0.01})
+    finger = grip.placement([0.3, 1.0, -0.4], "right_finger").homogeneous
+    np.testing.assert_allclose(transforms(scene)["/robot/right_finger"], finger, atol=1e-12)
     for link in ("link2", "link3", "tool"):
         expected = free.placement([0.3, 1.0, -0.4], link).homogeneous
         np.testing.assert_allclose(transforms(scene)[f"/robot/{link}"], expected, atol=1e-12)
@@ -401,7 +406,8 @@ def test_sliding_joints_are_shown_in_millimetres() -> None:
     text = load_robot().description.urdf.replace(
         '<joint name="joint3" type="revolute">', '<joint name="joint3" type="prismatic">'
     )
-    robot = robot_from_description(Description("slide", text), "tool")
+    locks = {"gripper": 0.0, "left_finger_joint": 0.0}
+    robot = robot_from_description(Description("slide", text, (), locks), "tool")
     replay = one(recording_scene(smooth_run(robot, target=[0.1, 0.2, 0.03])), "replay")
     assert [joint["unit"] for joint in replay["joints"]] == ["°", "°", "mm"]
     assert replay["joints"][2]["effort"] == "N"

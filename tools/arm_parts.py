@@ -13,7 +13,8 @@ from arm_shapes import Box, Cylinder, Material, Part, Vec, vec
 
 A2, A3 = 105.0, 150.0  # mm: shoulder to elbow, elbow to the point between the fingers
 TABLE = -110.0  # mm: height of the table in the shoulder's frame
-OPENING = 50.0  # mm between the finger pads
+OPENING = 50.0  # mm between the finger pads of the open gripper
+PINION_RADIUS = 7.0  # mm: the gripper servo drives both fingers' racks by one pinion
 SERVO_MASS = 0.060  # kg
 
 ALUMINIUM = Material("aluminium", (0.76, 0.78, 0.81), 2700.0)
@@ -156,16 +157,14 @@ def upper_arm() -> list[Part]:
 
 
 def forearm() -> list[Part]:
-    """Return link 3 without the gripper's fingers: fork, gripper servo, palm, racks and rods."""
+    """Return link 3, which carries the fingers: fork, gripper servo, palm, pinion and rods."""
     return [
         *fork("elbow_fork"),
         Part("tray_flange", Box((2.0, 26.0, 44.0)), (38, 0, -4), ALUMINIUM),
         Part("servo_tray", Box((43.0, 2.0, 52.0)), (60.5, -11.4, -4), ALUMINIUM),
         *servo("gripper_servo", (60.25, 0, 0), output=(1, 0, 0), tail=(0, 0, -1)),
         Part("palm", Box((3.0, 38.0, 104.0)), (83.5, 0, 0), ALUMINIUM),
-        Part("pinion", Cylinder(7.0, 6.0, "x"), (88.0, 0, 0), STEEL, mass=0.004),
-        Part("rack_right", Box((6.0, 4.0, 54.0)), (88.0, 9.0, 20), DARK),
-        Part("rack_left", Box((6.0, 4.0, 54.0)), (88.0, -9.0, -20), DARK),
+        Part("pinion", Cylinder(PINION_RADIUS, 6.0, "x"), (88.0, 0, 0), STEEL, mass=0.004),
         Part("guide_rod_top", Cylinder(2.0, 96.0), (96.0, 14, 0), STEEL),
         Part("guide_rod_bottom", Cylinder(2.0, 96.0), (96.0, -14, 0), STEEL),
         Part("rail_end_right", Box((18.0, 38.0, 4.0)), (94.0, 0, 50), DARK),
@@ -175,13 +174,25 @@ def forearm() -> list[Part]:
 
 
 def finger(name: str, side: float) -> list[Part]:
-    """Return one finger; ``side`` is 1 for the right one (z > 0), -1 for the left one."""
-    z = side * (OPENING / 2 + 3.0)
+    """Return one finger with its rack; ``side`` is 1 for the right one (z > 0), -1 for the left.
+
+    Its frame lies in the middle of the pad's face, along link 3's axes.
+    """
     return [
-        Part(f"{name}_carriage", Box((12.0, 36.0, 14.0)), (97.0, 0, z + side * 3.0), BLUE),
-        Part(f"{name}_root", Box((26.0, 24.0, 5.0)), (116.0, 0, z + side * 2.5), BLUE),
-        Part(f"{name}", Box((38.0, 15.0, 4.0)), (148.0, 0, z + side * 2.0), ALUMINIUM),
-        Part(f"{name}_pad", Box((32.0, 17.0, 3.0)), (A3, 0, z - side * 1.5), RUBBER),
+        Part(f"{name}_rack", Box((6.0, 4.0, 54.0)), (88.0 - A3, side * 9.0, -side * 5.0), DARK),
+        Part(f"{name}_carriage", Box((12.0, 36.0, 14.0)), (97.0 - A3, 0, side * 7.0), BLUE),
+        Part(f"{name}_root", Box((26.0, 24.0, 5.0)), (116.0 - A3, 0, side * 5.5), BLUE),
+        Part(f"{name}_plate", Box((38.0, 15.0, 4.0)), (148.0 - A3, 0, side * 5.0), ALUMINIUM),
+        Part(f"{name}_pad", Box((32.0, 17.0, 3.0)), (0, 0, side * 1.5), RUBBER),
+    ]
+
+
+def finger_solids(side: float) -> list[tuple[Box | Cylinder, Vec]]:
+    """Return what of a finger collides: pad, plate with root, and carriage."""
+    return [
+        (Box((32.0, 17.0, 3.0)), (0, 0, side * 1.5)),
+        (Box((66.0, 24.0, 6.0)), (134.0 - A3, 0, side * 5.0)),
+        (Box((18.0, 36.0, 14.0)), (94.0 - A3, 0, side * 7.0)),
     ]
 
 
@@ -189,7 +200,9 @@ LINKS: dict[str, list[Part]] = {
     "base_link": base(),
     "link1": turret(),
     "link2": upper_arm(),
-    "link3": [*forearm(), *finger("right_finger", 1.0), *finger("left_finger", -1.0)],
+    "link3": forearm(),
+    "right_finger": finger("right_finger", 1.0),
+    "left_finger": finger("left_finger", -1.0),
 }
 
 COLLISIONS: dict[str, list[tuple[Box | Cylinder, Vec]]] = {
@@ -207,7 +220,7 @@ COLLISIONS: dict[str, list[tuple[Box | Cylinder, Vec]]] = {
     "link3": [
         (Box((50.0, 26.0, 64.0)), (12.0, 0, 0)),
         (Box((66.0, 38.0, 104.0)), (70.0, 0, 0)),
-        (Box((64.0, 24.0, 8.0)), (135.0, 0, 29.0)),
-        (Box((64.0, 24.0, 8.0)), (135.0, 0, -29.0)),
     ],
+    "right_finger": finger_solids(1.0),
+    "left_finger": finger_solids(-1.0),
 }

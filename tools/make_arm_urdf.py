@@ -8,7 +8,9 @@ Link frames are the frames of the paper's modified DH table (Table I), so that `
 
 - base_link, link1: origin at the shoulder, x forward, y left, z up;
 - link2, link3: origin on the joint's axis, x along the link, y up, z to the arm's right;
-- tool: the point between the fingers.
+- tool: the point between the fingers;
+- right_finger, left_finger: the middle of the pad's face, along link3's axes. Both joints are 0
+  where the gripper is open, and close it as they grow.
 
 Run ``python tools/make_arm_urdf.py`` to write the file, ``--check`` to see whether the file in
 the repository is what this script writes.
@@ -25,7 +27,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from arm_parts import A2, A3, COLLISIONS, LINKS
+from arm_parts import A2, A3, COLLISIONS, LINKS, OPENING, PINION_RADIUS
 from arm_shapes import Box, Cylinder, Part, Vec, sum_parts, vec
 
 URDF = Path(__file__).resolve().parents[1] / "urdf" / "arm3dof.urdf"
@@ -34,6 +36,13 @@ EFFORT = 1.96  # N m: the DS3218's stall torque at 6.8 V, 20 kgf cm
 SPEED = 7.5  # rad/s: its no-load speed, 0.14 s for 60 deg
 DAMPING, FRICTION = 0.01, 0.0  # N m s/rad, N m
 TRAVEL = math.radians(270.0)  # the servo's range
+
+# The gripper's servo closes each finger by 25 mm in 205 deg. At stall its pinion could give 280 N,
+# 140 N to each finger; its current is limited so that a finger presses with at most 10 N.
+STROKE = OPENING / 2  # mm
+GRIP = 10.0  # N: what one finger presses with
+FINGER_SPEED = SPEED * PINION_RADIUS * 1e-3  # m/s
+FINGER_DAMPING = 5.0  # N s/m, of one finger's guide
 
 
 @dataclass(frozen=True)
@@ -125,6 +134,28 @@ def joint(spec: Joint) -> ET.Element:
     return element
 
 
+def finger_joint(name: str, side: float, mimic: ET.Element | None) -> ET.Element:
+    """Return the prismatic joint of a finger, which closes towards the other one.
+
+    Args:
+        name: of the joint.
+        side: 1 for the right finger (z > 0), -1 for the left one.
+        mimic: what couples it to the other finger's joint, if anything does.
+    """
+    element = ET.Element("joint", name=name, type="prismatic")
+    element.append(origin((A3, 0, side * OPENING / 2)))
+    ET.SubElement(element, "parent", link="link3")
+    ET.SubElement(element, "child", link="right_finger" if side > 0 else "left_finger")
+    ET.SubElement(element, "axis", xyz=numbers((0, 0, -side)))
+    # the effort moves both fingers: the force at the pinion's rim
+    limit = {"lower": 0.0, "upper": STROKE * 1e-3, "effort": 2 * GRIP, "velocity": FINGER_SPEED}
+    ET.SubElement(element, "limit", {key: number(value) for key, value in limit.items()})
+    ET.SubElement(element, "dynamics", damping=number(FINGER_DAMPING), friction="0")
+    if mimic is not None:
+        element.append(mimic)
+    return element
+
+
 def make_urdf() -> str:
     """Return the text of the URDF."""
     robot = ET.Element("robot", name="arm3dof")
@@ -139,6 +170,9 @@ def make_urdf() -> str:
     tool.append(origin((A3, 0, 0)))
     ET.SubElement(tool, "parent", link="link3")
     ET.SubElement(tool, "child", link="tool")
+    follow = ET.Element("mimic", joint="gripper", multiplier="1")
+    robot.append(finger_joint("gripper", 1.0, None))
+    robot.append(finger_joint("left_finger_joint", -1.0, follow))
     ET.indent(robot)
     body = ET.tostring(robot, encoding="unicode")
     note = "<!-- Written by tools/make_arm_urdf.py from the parts' shapes and densities. -->"

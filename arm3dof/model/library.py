@@ -23,7 +23,7 @@ from arm3dof.model.overrides import apply_overrides
 from arm3dof.model.robot import STANDARD_GRAVITY, Description, Robot
 from arm3dof.model.tree import link_of_frame
 from arm3dof.model.urdf import Urdf, read_urdf
-from arm3dof.model.validate import judge, lock_positions, structure_problems, validate_urdf
+from arm3dof.model.validate import coupled_joints, judge, lock_positions, structure_problems
 
 __all__ = [
     "RobotEntry",
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 _LIBRARY_SOURCE = "example-robot-data"
-_BUNDLED_NOTES = {"arm3dof": "the reference arm: three DS3218 servos, gripper fixed"}
+_BUNDLED_NOTES = {"arm3dof": "the reference arm: three DS3218 servos; gripper held open"}
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,16 @@ class _Found:
     data: str | bytes
     folder: Path
     share: Path | None = None
-    locked_joints: Mapping[str, float] | Collection[str] = ()
+    locked_joints: Mapping[str, float] | None = None
     tool_frame: str | None = None
+
+    def locks(
+        self, asked: Mapping[str, float] | Collection[str] | None, urdf: Urdf
+    ) -> dict[str, float]:
+        """Return where joints are held: as asked, else as known, else fingers that are coupled."""
+        if asked is None:
+            asked = coupled_joints(urdf) if self.locked_joints is None else self.locked_joints
+        return lock_positions(urdf, asked)
 
 
 def load_robot(
@@ -86,8 +94,9 @@ def load_robot(
         overrides: URDF parameters to change, such as ``{"link2.mass": 0.2}``; see
             ``arm3dof.model.overrides``.
         locked_joints: joints to hold fixed: names (held at 0, or at the limit nearest to it) or
-            names with positions [rad or m]. It replaces the default, which is the fingers for a
-            library robot and none for others.
+            names with positions [rad or m]; what mimics a locked joint follows it. It replaces
+            the default: the fingers of a library robot, and for others (the bundled arm too)
+            every joint that another one mimics, as the fingers of a gripper do, held at 0.
         tool_frame: the frame to bring to targets. Without it: a library robot's own; for another
             robot the first link that moves and is called tool, tool0, tcp, ee_link or the like
             (``build.TOOL_NAMES``), else the last link of its longest chain.
@@ -100,16 +109,15 @@ def load_robot(
         FrameNotFound: the robot has no such joint to lock, or no such tool frame.
     """
     found = _find(source)
-    asked = found.locked_joints if locked_joints is None else locked_joints
     gravity = STANDARD_GRAVITY
     urdf, problems = _read(found)
-    locked = lock_positions(urdf, asked)
+    locked = found.locks(locked_joints, urdf)
     tool = tool_frame or found.tool_frame
     if overrides and not (problems or structure_problems(urdf, locked)):
         tool_link = link_of_frame(urdf, tool or default_tool(urdf, locked))
         text, gravity = apply_overrides(urdf, overrides, tool_link)
         urdf, problems = _read(replace(found, data=text))
-        locked = lock_positions(urdf, asked)
+        locked = found.locks(locked_joints, urdf)
     problems += judge(urdf, locked)
     if problems:
         raise RobotError(found.name, problems)
@@ -134,8 +142,10 @@ def problems_of(
         FrameNotFound: the robot has no such joint to lock.
     """
     found = _find(source)
-    asked = found.locked_joints if locked_joints is None else locked_joints
-    return validate_urdf(found.data, asked)
+    urdf, problems = read_urdf(found.data)
+    if urdf is None:
+        return problems
+    return (*problems, *judge(urdf, found.locks(locked_joints, urdf)))
 
 
 def list_robots() -> tuple[RobotEntry, ...]:
@@ -152,9 +162,10 @@ def list_robots() -> tuple[RobotEntry, ...]:
 
 def _bundled_entry(name: str) -> RobotEntry:
     urdf, _ = _read(_find(name))
-    joints = len(urdf.moving_joints)
+    locked = lock_positions(urdf, coupled_joints(urdf))
+    joints = len(urdf.moving_joints) - len(locked)
     note = _BUNDLED_NOTES.get(name, "")
-    return RobotEntry(name, "bundled", True, joints, default_tool(urdf, {}), note)
+    return RobotEntry(name, "bundled", True, joints, default_tool(urdf, locked), note)
 
 
 # ---- finding a file ----------------------------------------------------------------------------

@@ -33,6 +33,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 from numbers import Real
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -118,7 +119,7 @@ def apply_overrides(
                 f"override '{name}.{field}' has no effect: link '{name}' has no mass; "
                 f"set '{name}.mass' as well"
             )
-    return file.write_xml_string().decode(), tuple(gravity)
+    return _with_mimics(file.write_xml_string(), urdf), tuple(gravity)
 
 
 # ---- keys and values ---------------------------------------------------------------------------
@@ -207,6 +208,18 @@ def _open(text: str) -> Any:
         load_meshes=False,
         filename_handler=str,
     )
+
+
+def _with_mimics(text: bytes, urdf: Urdf) -> str:
+    """Put back which joints follow others: yourdfpy does not write that."""
+    root = ElementTree.fromstring(text)
+    for joint in urdf.joints:
+        if joint.mimics is not None:
+            element = root.find(f"joint[@name='{joint.name}']")
+            if element is not None and element.find("mimic") is None:
+                values = {key: str(value) for key, value in vars(joint.mimics).items()}
+                ElementTree.SubElement(element, "mimic", values)
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _edit_link(link: Any, field: str, value: float) -> None:

@@ -23,7 +23,7 @@ MOVING_KINDS = ("revolute", "prismatic", "continuous")
 
 _UNSUPPORTED_KINDS = ("floating", "planar")
 _MAX_DEPTH = 50
-_UNUSED_IN_JOINT = ("mimic", "safety_controller", "calibration")
+_UNUSED_IN_JOINT = ("safety_controller", "calibration")
 _ONCE = {
     "link": ("inertial",),
     "inertial": ("origin", "mass", "inertia"),
@@ -56,6 +56,21 @@ class Link:
     inertial: Inertial | None
 
 
+@dataclass(frozen=True)
+class Mimic:
+    """How a joint follows another one: its position is ``multiplier * q + offset``.
+
+    Attributes:
+        joint: name of the joint that is followed.
+        multiplier: how far it goes for each unit of the other.
+        offset: its position where the other is at 0 [rad or m].
+    """
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """One joint; a limit or a number that is missing or unreadable is NaN.
@@ -74,7 +89,7 @@ class Joint:
         velocity: highest speed [rad/s or m/s].
         damping: viscous friction [N m s/rad or N s/m].
         friction: Coulomb friction [N m or N].
-        mimics: name of the joint that this one follows, if any.
+        mimics: how this joint follows another one, if it does.
     """
 
     name: str
@@ -90,7 +105,7 @@ class Joint:
     velocity: float
     damping: float
     friction: float
-    mimics: str | None
+    mimics: Mimic | None
 
     @property
     def moves(self) -> bool:
@@ -107,8 +122,8 @@ class Urdf:
         links: all links, in document order.
         joints: all joints, in document order.
         text: the same robot as clean XML: links, joints and materials with tidy numbers. Left out
-            are comments, elements that no arm needs here (gazebo, transmission, safety_controller,
-            calibration) and ``mimic``, which a loaded robot never has.
+            are comments and elements that no arm needs here (gazebo, transmission,
+            safety_controller, calibration).
     """
 
     name: str
@@ -273,7 +288,15 @@ def _joint(element: ElementTree.Element, reader: NumberReader) -> Joint:
         velocity=reader.optional(limit, "velocity", where, np.nan),
         damping=reader.optional(dynamics, "damping", where, 0.0),
         friction=reader.optional(dynamics, "friction", where, 0.0),
-        mimics=None if mimic is None else mimic.get("joint", "another joint"),
+        mimics=None if mimic is None else _mimic(mimic, where, reader),
+    )
+
+
+def _mimic(element: ElementTree.Element, where: str, reader: NumberReader) -> Mimic:
+    return Mimic(
+        element.get("joint", "another joint"),
+        reader.optional(element, "multiplier", where, 1.0),
+        reader.optional(element, "offset", where, 0.0),
     )
 
 

@@ -68,7 +68,7 @@ def structure_problems(urdf: Urdf, locked: Mapping[str, float]) -> tuple[Problem
     found = list(tree_problems(urdf))
     for joint in moving:
         if joint.mimics is not None:
-            what = f"mimics '{joint.mimics}', which is not supported"
+            what = f"mimics '{joint.mimics.joint}', which is not supported"
             cure = f"lock it: locked_joints=['{joint.name}'], or remove its <mimic>"
             found.append(Problem(f"joint '{joint.name}'", what, cure))
     for joint in urdf.moving_joints:
@@ -93,7 +93,8 @@ def lock_positions(
     Args:
         urdf: the robot.
         locked_joints: names and positions, or names (or one name) alone: these are held at 0, or
-            at the limit nearest to 0.
+            at the limit nearest to 0. What mimics a locked joint is held where that puts it,
+            unless it is named too.
 
     Raises:
         FrameNotFound: the robot has no movable joint of that name.
@@ -111,7 +112,28 @@ def lock_positions(
             locked[name] = _checked_position(joint, locked_joints[name])
         else:
             locked[name] = float(np.fmin(np.fmax(0.0, joint.lower), joint.upper))
-    return locked
+    return locked | _followers(urdf, locked)
+
+
+def coupled_joints(urdf: Urdf) -> tuple[str, ...]:
+    """Return the movable joints that others mimic and that mimic none: what drives a gripper."""
+    followed = {joint.mimics.joint for joint in urdf.moving_joints if joint.mimics is not None}
+    return tuple(
+        joint.name
+        for joint in urdf.moving_joints
+        if joint.name in followed and joint.mimics is None
+    )
+
+
+def _followers(urdf: Urdf, locked: Mapping[str, float]) -> dict[str, float]:
+    """Return where the joints are held that follow a locked one and are not named themselves."""
+    held = dict(locked)
+    for _ in urdf.moving_joints:  # a follower may be followed
+        for joint in urdf.moving_joints:
+            if joint.name not in held and joint.mimics is not None and joint.mimics.joint in held:
+                position = joint.mimics.multiplier * held[joint.mimics.joint] + joint.mimics.offset
+                held[joint.name] = float(position)
+    return {name: position for name, position in held.items() if name not in locked}
 
 
 def _checked_position(joint: Joint, position: float) -> float:
