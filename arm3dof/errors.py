@@ -27,6 +27,10 @@ class MissingFile(ArmError, FileNotFoundError):
     """A file that was named does not exist or cannot be read."""
 
 
+class CameraLost(ArmError, ConnectionError):
+    """A camera or a stream that gave pictures gives none any more."""
+
+
 class MissingExtra(ArmError, ImportError):
     """An optional dependency is needed and not installed."""
 

@@ -7,6 +7,7 @@ a blob by a known number of pixels, which the box takes off again.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 from arm3dof.errors import InputError
 
 Image = NDArray[np.uint8]
+Planes = Sequence[Image]
+"""Hue, saturation and value of a picture, each of shape (h, w)."""
 Shape = Literal["flat", "ball", "cylinder"]
 
 # half the width of a streak, as a share of the square root of a patch's area
@@ -78,11 +81,18 @@ class HsvRange:
         Returns:
             255 inside and 0 outside, shape (h, w).
         """
-        if not self.wraps:
-            return np.asarray(cv2.inRange(hsv, self.low, self.high), dtype=np.uint8)
-        upper = cv2.inRange(hsv, self.low, (179, *self.high[1:]))
-        lower = cv2.inRange(hsv, (0, *self.low[1:]), self.high)
-        return np.asarray(cv2.bitwise_or(upper, lower), dtype=np.uint8)
+        return self.mask_of(cv2.split(hsv))
+
+    def mask_of(self, planes: Planes) -> Image:
+        """Do what ``mask`` does from hue, saturation and value apart: quicker for many colours."""
+        hue, saturation, value = planes
+        if self.wraps:
+            inside = cv2.bitwise_not(cv2.inRange(hue, self.high[0] + 1, self.low[0] - 1))
+        else:
+            inside = cv2.inRange(hue, self.low[0], self.high[0])
+        for plane, low, high in zip((saturation, value), self.low[1:], self.high[1:], strict=True):
+            cv2.bitwise_and(inside, cv2.inRange(plane, low, high), dst=inside)
+        return np.asarray(inside, dtype=np.uint8)
 
 
 @dataclass(frozen=True)
@@ -199,6 +209,11 @@ def blurred_hsv(image: Image, blur_px: int = 5) -> Image:
     return np.asarray(cv2.cvtColor(quiet, cv2.COLOR_BGR2HSV), dtype=np.uint8)
 
 
+def hsv_planes(image: Image, blur_px: int = 5) -> Planes:
+    """Blur a BGR picture, shape (h, w, 3), and return its hue, saturation and value apart."""
+    return cv2.split(blurred_hsv(image, blur_px))
+
+
 def find_blobs(
     image: NDArray[np.generic], hsv_range: HsvRange, settings: BlobSettings | None = None
 ) -> tuple[Blob, ...]:
@@ -212,13 +227,35 @@ def find_blobs(
     Raises:
         InputError: ``image`` is not a BGR picture.
     """
+    return find_colours(image, [hsv_range], settings)[0]
+
+
+def find_colours(
+    image: NDArray[np.generic],
+    hsv_ranges: Iterable[HsvRange],
+    settings: BlobSettings | None = None,
+) -> tuple[tuple[Blob, ...], ...]:
+    """Find the patches of several colours, which share the blur and the conversion.
+
+    Args:
+        image: BGR picture, shape (h, w, 3), uint8.
+        hsv_ranges: the colours.
+        settings: how pixels become blobs.
+
+    Returns:
+        The patches of each colour, the largest first.
+
+    Raises:
+        InputError: ``image`` is not a BGR picture.
+    """
     settings = settings or BlobSettings()
-    return blobs_in(blurred_hsv(check_image(image), settings.blur_px), hsv_range, settings)
+    planes = hsv_planes(check_image(image), settings.blur_px)
+    return tuple(blobs_in(planes, it, settings) for it in hsv_ranges)
 
 
-def blobs_in(hsv: Image, hsv_range: HsvRange, settings: BlobSettings) -> tuple[Blob, ...]:
-    """Do what ``find_blobs`` does from the blurred HSV picture, which many colours can share."""
-    mask = hsv_range.mask(hsv)
+def blobs_in(planes: Planes, hsv_range: HsvRange, settings: BlobSettings) -> tuple[Blob, ...]:
+    """Do what ``find_blobs`` does from the planes of a picture."""
+    mask = hsv_range.mask_of(planes)
     if settings.dilate_px:
         mask = np.asarray(cv2.dilate(mask, _square(settings.dilate_px)), dtype=np.uint8)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -282,11 +319,12 @@ def _without_streaks(body: Image) -> Image:
     if radius < 2:
         return body
     tool = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(_eroded(body, tool))
-    if count < 2:
+    core = _eroded(body, tool)
+    outlines, _ = cv2.findContours(core, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not outlines:
         return body
-    largest = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
-    core = np.asarray(labels == largest, dtype=np.uint8) * np.uint8(255)
+    if len(outlines) > 1:
+        core = fill(max(outlines, key=cv2.contourArea), (0, 0, core.shape[1], core.shape[0]))
     # what lies within a radius of the core's reach, corners among it, stays
     kept = cv2.bitwise_and(body, cv2.dilate(core, tool, iterations=2))
     return np.asarray(kept if cv2.countNonZero(kept) > _MOST * area else body, dtype=np.uint8)

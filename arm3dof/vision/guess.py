@@ -20,9 +20,9 @@ from arm3dof.vision.colour import (
     HsvRange,
     Image,
     blobs_in,
-    blurred_hsv,
     check_image,
     find_blobs,
+    hsv_planes,
 )
 
 FOCAL_SHARE = 1.1
@@ -67,13 +67,13 @@ def guess_colour(image: NDArray[np.generic]) -> HsvRange | None:
     Raises:
         InputError: ``image`` is not a BGR picture.
     """
-    hsv = blurred_hsv(_shrunk(check_image(image)))
-    settings = BlobSettings(min_area_px=_LEAST_SHARE * hsv.shape[0] * hsv.shape[1])
+    planes = hsv_planes(_shrunk(check_image(image)))
+    settings = BlobSettings(min_area_px=_LEAST_SHARE * planes[0].size)
     best, best_worth = None, 0.0
     for hue, half, saturation in product(_HUES, _HALF_WIDTHS, _SATURATIONS):
         low = ((hue - half) % 180, saturation, _LEAST_VALUE)
         colour = HsvRange(low, ((hue + half) % 180, 255, 255))
-        for blob in blobs_in(hsv, colour, settings):
+        for blob in blobs_in(planes, colour, settings):
             if not blob.touches_border and (worth := _worth(blob)) > best_worth:
                 best, best_worth = colour, worth
     return best

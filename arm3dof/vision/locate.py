@@ -19,10 +19,9 @@ from arm3dof.vision.colour import (
     HsvRange,
     Image,
     Shape,
-    blobs_in,
-    blurred_hsv,
     check_image,
     find_blobs,
+    find_colours,
 )
 from arm3dof.vision.outline import extent, trace
 from arm3dof.vision.placing import LEAST_PX, Refusal, place_ball, place_cylinder, place_flat
@@ -220,10 +219,9 @@ def look(
             f"the picture is {width} x {height} px and the camera is calibrated for "
             f"{camera.width} x {camera.height}; take the picture at that size, or calibrate anew"
         )
-    settings = settings or BlobSettings()
-    wanted = targets.values() if isinstance(targets, Mapping) else targets
-    hsv = blurred_hsv(picture, settings.blur_px)
-    found = [(blob, target) for target in wanted for blob in blobs_in(hsv, target.hsv, settings)]
+    wanted = tuple(targets.values() if isinstance(targets, Mapping) else targets)
+    blobs = find_colours(picture, [target.hsv for target in wanted], settings)
+    found = [(blob, it) for it, mine in zip(wanted, blobs, strict=True) for blob in mine]
     found.sort(key=lambda pair: -pair[0].area_px)
     results = [locate(picture, camera, blob, target) for blob, target in found]
     return View(

@@ -1,24 +1,27 @@
-"""Pictures from files, folders, videos and devices, always as BGR bytes."""
+"""Pictures from files, folders, videos, devices and streams, always as BGR bytes."""
 
 from __future__ import annotations
 
 import os
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import closing, contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
+from time import monotonic
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from arm3dof.errors import InputError, MissingFile
+from arm3dof.errors import CameraLost, InputError, MissingFile
 from arm3dof.vision.colour import Image, check_image
+from arm3dof.vision.stream import mjpeg_parts
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm")
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v")
 
+_MOST_DAMAGED = 10  # pictures of a stream one after another
 _STDERR = threading.Lock()
 
 
@@ -60,19 +63,35 @@ def read_image(path: str | Path) -> Image:
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise MissingFile(f"cannot read {path}: {reason}; give a picture file") from None
+    return decode_image(data, str(path))
+
+
+def decode_image(data: bytes, name: str) -> Image:
+    """Decode the bytes of a picture file.
+
+    Args:
+        data: the file's bytes.
+        name: what messages call it.
+
+    Returns:
+        BGR picture, shape (h, w, 3), uint8; see ``read_image``.
+
+    Raises:
+        InputError: the data is empty, cut short, no picture, or one too large to hold.
+    """
     if not data:
-        raise InputError(f"{path} is empty; give a picture file")
+        raise InputError(f"{name} is empty; give a picture file")
     if _is_cut_short(data):
-        raise InputError(f"{path} is cut short: its end is missing; copy or download it again")
+        raise InputError(f"{name} is cut short: its end is missing; copy or download it again")
     try:
         with _quiet_stderr():
             raw = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
+    except (cv2.error, MemoryError):
         raw = None
     if raw is None:
         raise InputError(
-            f"{path} is not a picture that can be read, or is damaged; give a whole PNG, JPEG, "
-            "BMP, TIFF or WebP file"
+            f"{name} is not a picture that can be read, is damaged or too large; give a whole PNG, "
+            "JPEG, BMP, TIFF or WebP file"
         )
     return to_bgr(np.asarray(raw))
 
@@ -136,22 +155,27 @@ def write_image(path: str | Path, image: NDArray[np.generic]) -> Path:
     return path
 
 
-def frames(source: str | Path | int) -> Iterator[Frame]:
+def frames(source: str | Path | int, *, timeout: float = 5.0) -> Iterator[Frame]:
     """Go through the pictures of a source.
 
     Args:
-        source: a picture file (one frame), a folder (its pictures by name), a video file, or the
-            number of a camera device, for which the frames end when the camera does.
+        source: a picture file (one frame), a folder (its pictures by name), a video file, the
+            number of a camera device, or the address of an MJPEG stream, ``http://...``.
+        timeout: the longest wait for a picture of a stream [s].
 
     Yields:
         The frames in order. A folder's pictures count as one a second.
 
     Raises:
         MissingFile: there is no such file or folder.
-        InputError: a picture or video cannot be read, or a folder has no pictures.
+        InputError: a picture, video or stream cannot be read, or a folder has no pictures.
+        CameraLost: a device or stream gives no more pictures.
     """
     if isinstance(source, int):
-        yield from _captured(source, f"camera {source}")
+        yield from _live(_captured(source, f"camera {source}"), f"camera {source}")
+        return
+    if is_stream(source):
+        yield from _streamed(str(source), timeout)
         return
     path = Path(source)
     if path.is_dir():
@@ -168,6 +192,37 @@ def frames(source: str | Path | int) -> Iterator[Frame]:
         yield Frame(read_image(path), str(path), 0.0)
 
 
+def is_stream(source: str | Path | int) -> bool:
+    """Whether a source is an address rather than a path or a device."""
+    return isinstance(source, str) and source.lower().startswith(("http://", "https://"))
+
+
+def _streamed(url: str, timeout: float) -> Iterator[Frame]:
+    """Decode a stream's pictures; some that the way has damaged are passed over."""
+    start, damaged = monotonic(), 0
+    with closing(mjpeg_parts(url, timeout)) as parts:
+        for count, part in enumerate(parts):
+            name = f"{url} frame {count}"
+            try:
+                image = decode_image(part, name)
+            except InputError:
+                damaged += 1
+                if damaged > _MOST_DAMAGED:
+                    raise
+                continue
+            damaged = 0
+            yield Frame(image, name, monotonic() - start)
+
+
+def _live(captured: Iterator[Frame], name: str) -> Iterator[Frame]:
+    """Give a device's frames the time at which they come; its end is a loss."""
+    start = None
+    for frame in captured:
+        start = monotonic() if start is None else start
+        yield replace(frame, t=monotonic() - start)
+    raise CameraLost(f"{name} gives no more pictures; check its cable and start again")
+
+
 def _captured(source: str | int, name: str) -> Iterator[Frame]:
     with _quiet_stderr():
         capture = cv2.VideoCapture(source)
@@ -178,7 +233,8 @@ def _captured(source: str | int, name: str) -> Iterator[Frame]:
         rate = float(capture.get(cv2.CAP_PROP_FPS)) or 30.0
         count = 0
         while True:
-            with _quiet_stderr():
+            # a device may be slow to answer, and others need their stderr meanwhile
+            with nullcontext() if isinstance(source, int) else _quiet_stderr():
                 read, image = capture.read()
             if not read:
                 break
