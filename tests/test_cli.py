@@ -38,44 +38,6 @@ COMMANDS = (
 POINT = ["0.12", "0.05", "0.08"]
 
 
-@pytest.fixture
-def run(capsys):
-    """Return a function that runs a command and returns (exit code, stdout, stderr)."""
-
-    def call(*words):
-        code = app.main([str(word) for word in words])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
-
-
-@pytest.fixture
-def ask(run):
-    """Return a function that runs a command with --json and returns (exit code, object)."""
-
-    def call(*words):
-        code, out, err = run(*words, "--json")
-        assert err == "", err
-        return code, json.loads(out, parse_constant=lambda name: pytest.fail(f"JSON holds {name}"))
-
-    return call
-
-
-@pytest.fixture
-def refused(run):
-    """Return a function that runs a command, which must refuse its input, and returns why."""
-
-    def call(*words):
-        code, out, err = run(*words)
-        assert (code, out) == (2, "")
-        assert err.startswith("error: ")
-        assert err.count("\n") == 1
-        return err.removeprefix("error: ").rstrip()
-
-    return call
-
-
 # ---- the program -------------------------------------------------------------------------------
 
 
@@ -210,7 +172,7 @@ def test_set_changes_the_robot(ask):
 def test_check_of_the_reference_arm(ask, run):
     code, answer = ask("check", "arm3dof")
     assert code == 0
-    assert set(answer) == {"ok", "problems", "closed_form"}
+    assert set(answer) == {"ok", "problems", "warnings", "closed_form"}
     assert answer["ok"] is True
     assert answer["problems"] == []
     assert answer["closed_form"]["applies"] is True

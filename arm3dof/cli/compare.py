@@ -11,7 +11,15 @@ import typer
 from rich.console import Console
 
 from arm3dof.cli import output
-from arm3dof.cli.options import JsonFlag, OutFolder, Overrides, RobotName, robot_from, writable
+from arm3dof.cli.options import (
+    JsonFlag,
+    OutFolder,
+    Overrides,
+    RobotName,
+    ServoNames,
+    robot_from,
+    writable,
+)
 from arm3dof.cli.progress import counted
 from arm3dof.cli.simulate import show_files
 from arm3dof.files import write_atomically
@@ -35,6 +43,7 @@ Workers = Annotated[
 def compare_controllers(
     robot: RobotName = "arm3dof",
     changes: Overrides = None,
+    servos: ServoNames = None,
     scenarios: Annotated[
         str,
         typer.Option(metavar="SET", help="quick: the paper's move and 3 others; full: 15 others."),
@@ -61,7 +70,7 @@ def compare_controllers(
     30 % wrong, with a push of 10 degrees, and with encoder noise of 0.1 degrees. No controller is
     told. With --out it writes the table (compare.json) and a figure (compare.png).
     """
-    arm = robot_from(robot, changes)
+    arm = robot_from(robot, changes, servos)
     chosen = scenario_set(arm, scenarios, seed)
     if folder is not None:
         writable(folder)

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from arm3dof.cli import output
-from arm3dof.cli.options import JsonFlag, Overrides, RobotName, robot_from, writable
+from arm3dof.cli.options import JsonFlag, Overrides, RobotName, ServoNames, robot_from, writable
 from arm3dof.cli.progress import control_steps
 from arm3dof.cli.see import CameraName, Hsv, TargetNames, WidthM, read_hsv, show_view, wanted
 from arm3dof.cli.simulate import show_files, show_metrics
@@ -58,6 +58,7 @@ def demo(
     width_m: WidthM = None,
     robot: RobotName = "arm3dof",
     changes: Overrides = None,
+    servos: ServoNames = None,
     seed: Annotated[
         int, typer.Option(metavar="N", min=0, help="Where things stand in the drawn picture.")
     ] = 0,
@@ -80,7 +81,7 @@ def demo(
     """
     from arm3dof.ui.demo import tell
 
-    arm = robot_from(robot, changes)
+    arm = robot_from(robot, changes, servos)
     if image is None:
         setting = _drawn(camera or "paper", target, hsv, width_m, seed)
     elif camera is not None:

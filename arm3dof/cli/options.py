@@ -12,6 +12,7 @@ import typer
 from arm3dof.errors import InputError
 from arm3dof.model.library import load_robot
 from arm3dof.model.robot import Robot
+from arm3dof.model.servos import Servos
 
 JsonFlag = Annotated[
     bool, typer.Option("--json", help="Print one JSON object and nothing else.", show_default=False)
@@ -28,6 +29,16 @@ Overrides = Annotated[
         "--set",
         metavar="KEY=VALUE",
         help="Change a number of the URDF, such as link2.mass=0.2 (kg, m, rad, N m). Repeatable.",
+        show_default=False,
+    ),
+]
+ServoNames = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--servos",
+        metavar="[JOINT=]NAME",
+        help="Servo of every joint, or of one joint (repeatable), such as DS3218: its torque, "
+        "speed and travel become limits.",
         show_default=False,
     ),
 ]
@@ -52,11 +63,12 @@ def writable(folder: Path) -> Path:
     return folder
 
 
-def robot_from(source: str, changes: list[str] | None) -> Robot:
-    """Load a robot with the changes of ``--set``.
+def robot_from(source: str, changes: list[str] | None, servos: list[str] | None = None) -> Robot:
+    """Load a robot with the changes of ``--set`` and the limits of ``--servos``.
 
     Raises:
-        InputError: a change is not ``KEY=VALUE`` with a number, or names nothing of this robot.
+        InputError: a change is not ``KEY=VALUE`` with a number, or names nothing of this robot,
+            or a servo is unknown.
         ArmError: the robot cannot be loaded.
     """
     overrides: dict[str, float] = {}
@@ -65,7 +77,28 @@ def robot_from(source: str, changes: list[str] | None) -> Robot:
         if not equals or not key.strip():
             raise InputError(f"--set '{change}': write KEY=VALUE, for example link2.mass=0.2")
         overrides[key.strip()] = number(value, f"--set {key.strip()}")
-    return load_robot(source, overrides=overrides or None)
+    return load_robot(source, overrides=overrides or None, servos=read_servos(servos))
+
+
+def read_servos(words: list[str] | None) -> Servos | None:
+    """Return what ``--servos`` says: one servo for all joints, or servos by joint.
+
+    Raises:
+        InputError: both are given, or two servos for all joints.
+    """
+    if not words:
+        return None
+    if len(words) == 1 and "=" not in words[0]:
+        return words[0].strip()
+    by_joint: dict[str, str] = {}
+    for word in words:
+        joint, equals, name = (part.strip() for part in word.partition("="))
+        if not (equals and joint and name):
+            raise InputError(
+                f"--servos '{word}': write one NAME for all joints, or JOINT=NAME for each"
+            )
+        by_joint[joint] = name
+    return by_joint
 
 
 def number(text: str, what: str) -> float:

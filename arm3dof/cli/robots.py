@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -10,15 +11,24 @@ from rich.console import Console
 from rich.markup import escape
 
 from arm3dof.cli import output
-from arm3dof.cli.options import JsonFlag, Overrides, RobotName, number, robot_from
+from arm3dof.cli.options import (
+    JsonFlag,
+    Overrides,
+    RobotName,
+    ServoNames,
+    number,
+    read_servos,
+    robot_from,
+)
 from arm3dof.cli.units import to_degrees, unit
 from arm3dof.errors import Problem, RobotError
 from arm3dof.model.agreement import Agreement, closed_form_agreement
 from arm3dof.model.dh import fit_dh
 from arm3dof.model.kinematics import inverse_kinematics
-from arm3dof.model.library import RobotEntry, list_robots, problems_of
+from arm3dof.model.library import RobotEntry, known_servo, list_robots, problems_of
 from arm3dof.model.reach import Reach
 from arm3dof.model.robot import Robot
+from arm3dof.model.servos import effort_warnings
 
 _AGREES = 1e-9  # [SI units]: round-off on arms of a few metres and kilograms is far below
 
@@ -41,25 +51,31 @@ def robots(as_json: JsonFlag = False) -> int:
 def check(
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help="A robot's name or a URDF file.")],
     changes: Overrides = None,
+    servos: ServoNames = None,
     as_json: JsonFlag = False,
 ) -> int:
     """Say whether a robot is sound, and whether the paper's closed form gives its dynamics.
 
-    The closed form of M, C v and g is compared with Pinocchio over 1000 random states. The answer
-    is no when there is a problem.
+    The closed form of M, C v and g is compared with Pinocchio over 1000 random states. A joint
+    whose effort in the file exceeds its servo's torque by over 20 % is worth a warning: the servo
+    is that of --servos, else the one that the robot is known to be built with. The answer is no
+    when there is a problem.
     """
     found: tuple[Problem, ...] = problems_of(robot)
+    warnings: tuple[Problem, ...] = ()
     arm: Robot | None = None
     if not found:
         try:
-            arm = robot_from(robot, changes)
+            warnings = _warnings(robot, changes, servos)
+            arm = robot_from(robot, changes, servos)
         except RobotError as error:
             found = error.problems
     misfit, agreement = _closed_form(arm)
     sound = not found and (agreement is None or max(agreement) < _AGREES)
     report = {
         "ok": sound,
-        "problems": [{"where": it.where, "what": it.what, "cure": it.cure} for it in found],
+        "problems": _as_names(found),
+        "warnings": _as_names(warnings),
         "closed_form": {
             "applies": agreement is not None,
             "max_error": None if agreement is None else agreement._asdict(),
@@ -72,6 +88,9 @@ def check(
         for problem in found:
             console.print(f"[red]no[/]  {escape(problem.where)}: {escape(problem.what)}")
             console.print(f"    -> {escape(problem.cure)}")
+        for warning in warnings:
+            console.print(f"[yellow]warning[/]  {escape(warning.where)}: {escape(warning.what)}")
+            console.print(f"    -> {escape(warning.cure)}")
         if agreement is not None:
             console.print(
                 "The paper's closed form applies; over 1000 states it differs from Pinocchio by "
@@ -90,6 +109,7 @@ def ik(
     z: Annotated[str, typer.Argument(metavar="Z", help="Up, in metres.")],
     robot: RobotName = "arm3dof",
     changes: Overrides = None,
+    servos: ServoNames = None,
     as_json: JsonFlag = False,
 ) -> int:
     """Find the joint angles that bring the tool to a point of the base frame.
@@ -97,7 +117,7 @@ def ik(
     The answer is no when the robot cannot reach it inside its joint limits.
     """
     point = [number(text, name) for name, text in (("X", x), ("Y", y), ("Z", z))]
-    arm = robot_from(robot, changes)
+    arm = robot_from(robot, changes, servos)
     reach = inverse_kinematics(arm, point)
 
     def show(console: Console) -> None:
@@ -136,6 +156,18 @@ def show_reach(console: Console, robot: Robot, reach: Reach) -> None:
 
 def _headings(robot: Robot) -> list[str]:
     return [f"{name} [{unit(robot, joint)}]" for joint, name in enumerate(robot.joint_names)]
+
+
+def _warnings(
+    source: str, changes: list[str] | None, servos: list[str] | None
+) -> tuple[Problem, ...]:
+    """Compare the efforts of the file, with the changes of --set, with what the servos give."""
+    driven_by = read_servos(servos) or known_servo(source)
+    return () if driven_by is None else effort_warnings(robot_from(source, changes), driven_by)
+
+
+def _as_names(problems: Sequence[Problem]) -> list[dict[str, str]]:
+    return [{"where": it.where, "what": it.what, "cure": it.cure} for it in problems]
 
 
 def _closed_form(robot: Robot | None) -> tuple[Problem | None, Agreement | None]:

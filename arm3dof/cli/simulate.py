@@ -27,6 +27,7 @@ from arm3dof.cli.options import (
     OutFolder,
     Overrides,
     RobotName,
+    ServoNames,
     numbers,
     robot_from,
     writable,
@@ -50,6 +51,7 @@ from arm3dof.ui.summary import run_report, to_json
 def simulate(
     robot: RobotName = "arm3dof",
     changes: Overrides = None,
+    servos: ServoNames = None,
     start_deg: Annotated[
         str | None,
         typer.Option(
@@ -101,7 +103,7 @@ def simulate(
     the recording (run.npz), the paper's four figures and summary.json. The answer is no when the
     arm does not settle.
     """
-    arm = robot_from(robot, changes)
+    arm = robot_from(robot, changes, servos)
     settings = MpcSettings(formulation=formulation, horizon=horizon, dt=dt)
     start = experiment.default_start(arm)
     if start_deg is not None:

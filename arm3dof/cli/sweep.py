@@ -12,7 +12,7 @@ from rich.table import Table
 
 from arm3dof.cli import output
 from arm3dof.cli.compare import Workers
-from arm3dof.cli.options import JsonFlag, Overrides, RobotName, robot_from, writable
+from arm3dof.cli.options import JsonFlag, Overrides, RobotName, ServoNames, robot_from, writable
 from arm3dof.cli.progress import counted
 from arm3dof.cli.simulate import show_files
 from arm3dof.control.settings import MpcSettings
@@ -24,6 +24,7 @@ from arm3dof.runtime.sweep import KNOBS, Sweep, Vary, default_points, points, sw
 def sweep_settings(
     robot: RobotName = "arm3dof",
     changes: Overrides = None,
+    servos: ServoNames = None,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -48,7 +49,7 @@ def sweep_settings(
     so that a sweep that was stopped goes on where it was, and one that was widened makes only the
     new runs.
     """
-    arm = robot_from(robot, changes)
+    arm = robot_from(robot, changes, servos)
     base = with_value(MpcSettings(), "formulation", formulation)
     chosen = default_points(base)
     if vary:

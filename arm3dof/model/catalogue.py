@@ -37,6 +37,7 @@ class LibraryRobot:
         locked_joints: joints that are no part of the arm, and where they are held [rad or m].
         added_tool: where the tool frame is, if the file has none.
         note: what one should know before trusting the file.
+        servo: what drives its joints, by name in ``arm3dof.model.servos``; ``None`` if unknown.
     """
 
     path: str
@@ -45,9 +46,10 @@ class LibraryRobot:
     locked_joints: Mapping[str, float] = field(default_factory=dict)
     added_tool: AddedTool | None = None
     note: str = ""
+    servo: str | None = None
 
 
-_STS3215 = "its STS3215 servos stall at 2.94 N m (12 V): override the efforts for honest torques"
+_STS3215 = "its STS3215 servos stall at 2.94 N m (12 V): load it with servos='STS3215-12V'"
 
 LIBRARY: Mapping[str, LibraryRobot] = {
     "ur5": LibraryRobot("ur_description/urdf/ur5_robot.urdf", 6, "tool0"),
@@ -74,6 +76,7 @@ LIBRARY: Mapping[str, LibraryRobot] = {
         AddedTool("gripper", (0.0, -0.098, 0.0)),
         "jaw locked; the tool frame between its fingertips is ours; the file says 35 N m, but "
         + _STS3215,
+        "STS3215-12V",
     ),
     "so101": LibraryRobot(
         "so_arm_description/urdf/so101.urdf",
@@ -81,6 +84,7 @@ LIBRARY: Mapping[str, LibraryRobot] = {
         "gripper_frame_link",
         {"gripper": 0.0},
         note="jaw locked; the file says 10 N m, but " + _STS3215,
+        servo="STS3215-12V",
     ),
     "xarm7": LibraryRobot("xarm_description/urdf/xarm7.urdf", 7, "link_eef"),
 }

@@ -21,6 +21,7 @@ from arm3dof.model.catalogue import (
 )
 from arm3dof.model.overrides import apply_overrides
 from arm3dof.model.robot import STANDARD_GRAVITY, Description, Robot
+from arm3dof.model.servos import Servos, fit_servos
 from arm3dof.model.tree import link_of_frame
 from arm3dof.model.urdf import Urdf, read_urdf
 from arm3dof.model.validate import coupled_joints, judge, lock_positions, structure_problems
@@ -28,6 +29,7 @@ from arm3dof.model.validate import coupled_joints, judge, lock_positions, struct
 __all__ = [
     "RobotEntry",
     "bundled_urdf",
+    "known_servo",
     "list_robots",
     "load_robot",
     "problems_of",
@@ -36,6 +38,7 @@ __all__ = [
 
 _LIBRARY_SOURCE = "example-robot-data"
 _BUNDLED_NOTES = {"arm3dof": "the reference arm: three DS3218 servos; gripper held open"}
+_BUNDLED_SERVOS = {"arm3dof": "DS3218"}
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,7 @@ def load_robot(
     overrides: Mapping[str, float] | None = None,
     locked_joints: Mapping[str, float] | Collection[str] | None = None,
     tool_frame: str | None = None,
+    servos: Servos | None = None,
 ) -> Robot:
     """Load a robot and validate it.
 
@@ -100,9 +104,12 @@ def load_robot(
         tool_frame: the frame to bring to targets. Without it: a library robot's own; for another
             robot the first link that moves and is called tool, tool0, tcp, ee_link or the like
             (``build.TOOL_NAMES``), else the last link of its longest chain.
+        servos: a servo of ``arm3dof.model.servos.SERVOS`` that drives every joint, or servos by
+            joint: their torque and speed become the joints' limits, and their travel where it is
+            narrower. An override of the same limit goes before.
 
     Raises:
-        InputError: the name, an override or a locked position is not valid.
+        InputError: the name, an override, a servo or a locked position is not valid.
         MissingFile: there is no such file, or it cannot be read.
         MissingExtra: the robot is in an extra that is not installed.
         RobotError: the URDF is broken or unsupported; ``.problems`` has every reason.
@@ -113,6 +120,8 @@ def load_robot(
     urdf, problems = _read(found)
     locked = found.locks(locked_joints, urdf)
     tool = tool_frame or found.tool_frame
+    if servos and not (problems or structure_problems(urdf, locked)):
+        urdf, problems = _read(replace(found, data=fit_servos(urdf, servos, locked)))
     if overrides and not (problems or structure_problems(urdf, locked)):
         tool_link = link_of_frame(urdf, tool or default_tool(urdf, locked))
         text, gravity = apply_overrides(urdf, overrides, tool_link)
@@ -146,6 +155,16 @@ def problems_of(
     if urdf is None:
         return problems
     return (*problems, *judge(urdf, found.locks(locked_joints, urdf)))
+
+
+def known_servo(source: str | Path) -> str | None:
+    """Return the servo that a robot is known to be built with; ``None`` for nothing known.
+
+    Args:
+        source: as for ``load_robot``.
+    """
+    name = str(source)
+    return LIBRARY[name].servo if name in LIBRARY else _BUNDLED_SERVOS.get(name)
 
 
 def list_robots() -> tuple[RobotEntry, ...]:

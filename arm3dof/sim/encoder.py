@@ -74,3 +74,63 @@ class EncoderNoise:
 
     def _draw(self) -> Array:
         return self._sigma * self._rng.standard_normal(self._sigma.size)
+
+
+class EncoderError:
+    """What an encoder of finite resolution errs by, with noise if wished.
+
+    It tells the whole step nearest to position plus noise. A drive differentiates what it is told
+    and smooths it by two first-order filters; so the velocity errs by the smoothed derivative of
+    the position's error, and the lag that the filters would add to the true velocity is left out,
+    as in ``EncoderNoise``.
+    """
+
+    def __init__(
+        self,
+        resolution: Array,
+        sigma: Array,
+        dt: float,
+        time_constant: float,
+        rng: np.random.Generator | None,
+    ) -> None:
+        """Create an encoder; ``restart`` places it.
+
+        Args:
+            resolution: step of each joint, shape (nv,) [rad]; 0 for a continuous one.
+            sigma: standard deviation of the noise, shape (nv,) [rad].
+            dt: time between two readings [s].
+            time_constant: of each of the two filters [s].
+            rng: source of the noise.
+
+        Raises:
+            InputError: there is noise without ``rng``.
+        """
+        if rng is None and sigma.any():
+            raise InputError("noise needs a source: give rng=numpy.random.default_rng(seed)")
+        self._resolution, self._sigma, self._rng = resolution, sigma, rng
+        self._steps = np.where(resolution > 0, resolution, 1.0)
+        self._perfect = not (resolution.any() or sigma.any())
+        self._dt, self._keep = dt, math.exp(-dt / time_constant)
+
+    def restart(self, position: Array) -> None:
+        """Begin at a position, shape (nv,) [rad], at which the drive has stood for long."""
+        self._smooth = self._told(position) - position
+        self._v = np.zeros(position.size)
+
+    def read(self, position: Array) -> tuple[Array, Array]:
+        """Return the next reading of a position, and the error of the velocity; (nv,) each."""
+        if self._perfect:
+            return position, self._v
+        told = self._told(position)
+        before = self._smooth
+        self._smooth = self._keep * before + (1 - self._keep) * (told - position)
+        slope = (self._smooth - before) / self._dt
+        self._v = self._keep * self._v + (1 - self._keep) * slope
+        return told, self._v
+
+    def _told(self, position: Array) -> Array:
+        noisy = position
+        if self._rng is not None and self._sigma.any():
+            noisy = position + self._sigma * self._rng.standard_normal(position.size)
+        whole = np.round(noisy / self._steps) * self._steps
+        return np.where(self._resolution > 0, whole, noisy)

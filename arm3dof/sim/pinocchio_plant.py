@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from arm3dof.errors import InputError
 from arm3dof.model.robot import Robot
+from arm3dof.sim.servo import Servo, holding_torque
 from arm3dof.state import Array, JointState, finite_vector
 
 _FASTEST_EXPLICIT_DECAY = 0.5  # damping that decays more than this share of a step is stiff
@@ -30,25 +31,38 @@ class PinocchioPlant:
         robot: the robot that is simulated.
     """
 
-    def __init__(self, robot: Robot, dt: float = 0.001) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        dt: float = 0.001,
+        *,
+        servo: Servo | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> None:
         """Create a plant at the middle of the joint range, at rest.
 
         Args:
             robot: the robot to simulate.
             dt: time of one step [s].
+            servo: what stands between a command and the joints, and between the joints and their
+                measurement; without one motors and encoders are ideal.
+            rng: source of the encoders' noise; needed where there is some.
 
         Raises:
-            InputError: ``dt`` is not positive.
+            InputError: ``dt`` is not positive, the servo has another number of joints, or its
+                noise has no source.
         """
         if not (np.isfinite(dt) and dt > 0):
             raise InputError(f"dt is {dt!r}; give a positive number of seconds")
         self._dt = float(dt)
+        self._drive = None if servo is None else servo.drive(robot, self._dt, rng)
         self._simulate(robot)
         middle = self.robot.limits.q_min / 2 + self.robot.limits.q_max / 2
         self._q = np.where(np.isfinite(middle), middle, 0.0)
         self._v = np.zeros(robot.nv)
         self._applied = finite_vector(np.zeros(robot.nv), robot.nv, "tau")
         self._t0, self._steps = 0.0, 0
+        self._start_servos()
 
     @property
     def dt(self) -> float:
@@ -66,8 +80,8 @@ class PinocchioPlant:
         return self._applied
 
     def measure(self) -> JointState:
-        """Return the present state: these sensors are perfect."""
-        return self.state
+        """Return the present state as the servos' encoders tell it; without servos, as it is."""
+        return self.state if self._drive is None else self._drive.measure(self.state)
 
     def reset(self, state: JointState) -> JointState:
         """Place the arm in a state and return it.
@@ -83,6 +97,7 @@ class PinocchioPlant:
         self._t0, self._steps = state.t, 0
         self._q, self._v = np.array(state.q), np.array(state.v)
         self._applied = finite_vector(np.zeros(self.robot.nv), self.robot.nv, "tau")
+        self._start_servos()
         return self.state
 
     def step(
@@ -95,7 +110,7 @@ class PinocchioPlant:
         """Hold a torque for ``dt`` and return the state after it.
 
         Args:
-            tau: torque of the motors, shape (nv,) [N m].
+            tau: torque of the motors, or what the servos are commanded, shape (nv,) [N m].
             external_torque: torque that the surroundings add at the joints, shape (nv,) [N m].
             tool_wrench: force [N] and torque [N m] on the tool in base axes, shape (6,); it is
                 held while the tool moves.
@@ -104,6 +119,9 @@ class PinocchioPlant:
             InputError: a torque or the wrench has another shape or is not finite.
         """
         applied = finite_vector(tau, self.robot.nv, "tau")
+        if self._drive is not None:
+            applied = self._drive.torque(applied, self._v)
+            applied.flags.writeable = False
         torque, wrench = applied, None
         if external_torque is not None:
             torque = applied + finite_vector(external_torque, self.robot.nv, "external_torque")
@@ -115,6 +133,7 @@ class PinocchioPlant:
             q = self._q + self._dt / 2 * (self._v + v)
         self._q, self._v, self._applied = q, v, applied
         self._steps += 1
+        self.measure()  # the encoders read every step, whether or not anybody asks
         return self.state
 
     def displace(self, change: ArrayLike) -> JointState:
@@ -150,11 +169,19 @@ class PinocchioPlant:
     def _simulate(self, robot: Robot) -> None:
         self.robot = robot.clone()
         self._model, self._data = self.robot.model, self.robot.model.createData()
+        self._friction, self._damping = self.robot.friction, self.robot.damping
+        if self._drive is not None:
+            self._friction = self._friction + self._drive.friction
+            self._damping = self._damping + self._drive.damping
         stiff = self._has_stiff_damping()
         none = np.zeros(robot.nv)
-        self._explicit_damping = none if stiff else self.robot.damping
-        self._implicit_damping = self.robot.damping if stiff else none
-        self._rubs = stiff or bool(self.robot.friction.any())
+        self._explicit_damping = none if stiff else self._damping
+        self._implicit_damping = self._damping if stiff else none
+        self._rubs = stiff or bool(self._friction.any())
+
+    def _start_servos(self) -> None:
+        if self._drive is not None:
+            self._drive.reset(self.state, holding_torque(self.robot, self._q))
 
     def _acceleration(self, q: Array, v: Array, tau: Array, wrench: Array | None) -> Array:
         net = tau - self._explicit_damping * v
@@ -177,7 +204,7 @@ class PinocchioPlant:
         """Return the velocity after dry friction and stiff damping, by coordinate descent."""
         h = self._dt
         mass = np.array(pin.crba(self._model, self._data, self._q))
-        dry = (h * self.robot.friction).tolist()
+        dry = (h * self._friction).tolist()
         inertia = (mass.diagonal() + h * self._implicit_damping).tolist()
         momentum = mass @ free
         np.fill_diagonal(mass, 0.0)  # what is left couples a joint to the others
@@ -195,14 +222,12 @@ class PinocchioPlant:
 
     def _has_stiff_damping(self) -> bool:
         """Whether damping decays too fast for RK4, in the fastest of some sampled poses."""
-        if not self.robot.damping.any():
+        if not self._damping.any():
             return False
         rng = np.random.default_rng(0)
         poses = [self.robot.random_configuration(rng) for _ in range(32)]
         rates = [
-            np.linalg.eigvals(
-                np.linalg.solve(self.robot.mass_matrix(q), np.diag(self.robot.damping))
-            )
+            np.linalg.eigvals(np.linalg.solve(self.robot.mass_matrix(q), np.diag(self._damping)))
             for q in poses
         ]
         return float(np.abs(rates).max()) * self._dt > _FASTEST_EXPLICIT_DECAY
