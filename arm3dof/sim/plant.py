@@ -37,3 +37,51 @@ class Plant(Protocol):
 
     def measure(self) -> JointState:
         """Return the present state as the sensors tell it; asked twice, the same."""
+
+
+class DisturbablePlant(Plant, Protocol):
+    """A plant to which things can be done that no motor does; ``DisturbedPlant`` wraps one."""
+
+    def step(
+        self,
+        tau: ArrayLike,
+        *,
+        external_torque: ArrayLike | None = None,
+        tool_wrench: ArrayLike | None = None,
+    ) -> JointState:
+        """Hold a torque for ``dt`` while the surroundings push, and return the state after it.
+
+        Args:
+            tau: torque of the motors, shape (nv,) [N m].
+            external_torque: torque that the surroundings add at the joints, shape (nv,) [N m].
+            tool_wrench: force [N] and torque [N m] on the tool in base axes, shape (6,).
+        """
+
+    def displace(self, change: ArrayLike) -> JointState:
+        """Move the joints at once by ``change``, shape (nv,) [rad], and return the state."""
+
+    def change_robot(self, robot: Robot) -> None:
+        """Go on with another robot of as many joints, such as one that took up a payload."""
+
+
+class Drive(Protocol):
+    """What lies between a command and a joint: motors, gears and encoders, with their faults.
+
+    A plant that is given one asks it once a step, and measures through it.
+    """
+
+    def reset(self, state: JointState) -> None:
+        """Forget the past; the arm was placed in ``state``."""
+
+    def torque(self, command: Array, q: Array, v: Array, t: float) -> Array:
+        """Return the torque that reaches the joints, shape (nv,) [N m].
+
+        Args:
+            command: what the controller asked for, shape (nv,) [N m].
+            q: true joint positions, shape (nv,) [rad].
+            v: true joint velocities, shape (nv,) [rad/s].
+            t: plant time [s].
+        """
+
+    def measure(self, state: JointState) -> JointState:
+        """Return a true state as the encoders tell it; asked twice, the same."""

@@ -1,0 +1,138 @@
+"""Drawing a MuJoCo world without a screen: a context of EGL or OSMesa, and pinhole pictures."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+from functools import lru_cache
+from importlib import import_module
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from arm3dof.errors import ArmError
+from arm3dof.state import Array
+
+Image = NDArray[np.uint8]
+
+BACKENDS = ("egl", "osmesa")
+"""What MuJoCo can draw with where there is no screen, best first."""
+
+_CURE = (
+    "install EGL (Debian and Ubuntu: sudo apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri "
+    "libopengl0) or OSMesa (libosmesa6)"
+)
+_NEAR, _FAR = 0.01, 20.0  # what is nearer or farther is not drawn [m]
+_MOST_GEOMS = 4000
+
+
+class Renderer:
+    """Draws one world with one size of picture; it belongs to the thread that made it.
+
+    Raises:
+        ArmError: this machine can draw nothing; the message says what to install.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, width: int, height: int, *, shadows: int, samples: int
+    ) -> None:
+        """Get a context and load the world's meshes and textures into it.
+
+        Args:
+            model: the world.
+            width: of the pictures [px].
+            height: of the pictures [px].
+            shadows: width of the map that shadows are made with [px]; 0 for none.
+            samples: places at which a pixel is drawn; 0 for its middle alone.
+        """
+        self._model = model
+        self._context = backend()[1](width, height)
+        self._context.make_current()
+        model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+        model.vis.quality.shadowsize, model.vis.quality.offsamples = shadows, samples
+        self._gl = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._gl)
+        self._scene = mujoco.MjvScene(model, maxgeom=_MOST_GEOMS)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows > 0
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[:] = 0
+        self._option.geomgroup[1] = 1
+        self._free_camera = mujoco.MjvCamera()
+        self._rect = mujoco.MjrRect(0, 0, width, height)
+        self._rgb = np.empty((height, width, 3), np.uint8)
+
+    def draw(
+        self, data: mujoco.MjData, camera_matrix: Array, transform_base_camera: Array
+    ) -> Image:
+        """Draw what a pinhole camera sees, as BGR; the caller may keep the picture.
+
+        Args:
+            data: the world's state, its kinematics computed.
+            camera_matrix: intrinsics, shape (3, 3) [px]; the middle of the first pixel is (0, 0).
+            transform_base_camera: pose of the optical frame, shape (4, 4).
+        """
+        self._context.make_current()
+        mujoco.mjv_updateScene(
+            self._model,
+            data,
+            self._option,
+            None,
+            self._free_camera,
+            mujoco.mjtCatBit.mjCAT_ALL,
+            self._scene,
+        )
+        for camera in self._scene.camera:
+            self._aim(camera, camera_matrix, transform_base_camera)
+        mujoco.mjr_render(self._rect, self._scene, self._gl)
+        mujoco.mjr_readPixels(self._rgb, None, self._rect, self._gl)
+        return np.ascontiguousarray(self._rgb[::-1, :, ::-1])
+
+    def _aim(self, camera: Any, matrix: Array, pose: Array) -> None:
+        width, height = self._rect.width, self._rect.height
+        near_x, near_y = _NEAR / matrix[0, 0], _NEAR / matrix[1, 1]
+        left, right = (-0.5 - matrix[0, 2]) * near_x, (width - 0.5 - matrix[0, 2]) * near_x
+        camera.pos, camera.forward, camera.up = pose[:3, 3], pose[:3, 2], -pose[:3, 1]
+        camera.frustum_center, camera.frustum_width = (left + right) / 2, (right - left) / 2
+        camera.frustum_top = (matrix[1, 2] + 0.5) * near_y
+        camera.frustum_bottom = (matrix[1, 2] - height + 0.5) * near_y
+        camera.frustum_near, camera.frustum_far = _NEAR, _FAR
+        camera.orthographic = 0
+
+    def close(self) -> None:
+        """Give the context back."""
+        self._context.make_current()
+        self._gl.free()
+        with contextlib.suppress(ctypes.ArgumentError):  # what OSMesa's own clean-up trips over
+            self._context.free()
+
+
+@lru_cache(maxsize=1)
+def backend() -> tuple[str, Any]:
+    """Return the name and the context class of the first backend that works on this machine.
+
+    The environment variable ``MUJOCO_GL`` names one to try before the others.
+
+    Raises:
+        ArmError: none works; the message says what to install.
+    """
+    asked = os.environ.get("MUJOCO_GL", "").lower().strip()
+    names = sorted(BACKENDS, key=lambda name: name != asked)
+    reasons = []
+    for name in names:
+        os.environ["MUJOCO_GL"] = name
+        os.environ["PYOPENGL_PLATFORM"] = name
+        try:
+            make = import_module(f"mujoco.{name}").GLContext
+            context = make(16, 16)
+            context.make_current()
+            with contextlib.suppress(ctypes.ArgumentError):
+                context.free()
+        except (ImportError, OSError, RuntimeError, AttributeError, TypeError) as error:
+            reasons.append(f"{name}: {str(error).splitlines()[0] if str(error) else error!r}")
+            continue
+        return name, make
+    raise ArmError(f"nothing to draw with on this machine ({'; '.join(reasons)}); {_CURE}")

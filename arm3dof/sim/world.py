@@ -1,0 +1,295 @@
+"""What stands around an arm: a table, objects of one colour each, and bins to put them into.
+
+These are descriptions alone, in the robot's base frame. ``MujocoPlant`` makes them move, and
+``WorldCamera`` takes pictures of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal, get_args
+
+import numpy as np
+
+from arm3dof.errors import InputError
+from arm3dof.sim.table import Table
+from arm3dof.state import frozen_array
+
+Colour = tuple[float, float, float]
+Shape = Literal["cylinder", "cube", "bottle"]
+SHAPES: tuple[Shape, ...] = get_args(Shape)
+
+COLOURS: Mapping[str, Colour] = MappingProxyType(
+    {
+        "red": (0.80, 0.07, 0.06),
+        "green": (0.06, 0.55, 0.16),
+        "blue": (0.05, 0.22, 0.75),
+        "yellow": (0.92, 0.76, 0.05),
+    }
+)
+"""Colours of matte objects that can be told apart on wood: sRGB red, green, blue, 0 to 1."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """An object that stands on the table.
+
+    Attributes:
+        name: what it is called; no two bodies of a world share one.
+        shape: an upright ``cylinder``, a ``cube`` (a box with a square foot) or a ``bottle``.
+        width_m: diameter, or edge of the foot [m].
+        height_m: from foot to top [m].
+        mass: [kg].
+        colour: sRGB red, green, blue, 0 to 1.
+        x: of the middle of its foot [m].
+        y: of the middle of its foot [m].
+        yaw: turn about the vertical [rad].
+
+    Raises:
+        InputError: the shape is unknown, or a number is outside its domain.
+    """
+
+    name: str
+    shape: Shape
+    width_m: float
+    height_m: float
+    mass: float
+    colour: Colour
+    x: float
+    y: float
+    yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        what = f"body '{self.name}'"
+        if self.shape not in SHAPES:
+            raise InputError(f"{what} is a {self.shape!r}; give one of: {', '.join(SHAPES)}")
+        _positive(what, width_m=self.width_m, height_m=self.height_m, mass=self.mass)
+        _finite(what, x=self.x, y=self.y, yaw=self.yaw)
+        _colour(what, self.colour)
+
+    @property
+    def reach(self) -> float:
+        """Radius of the upright cylinder that holds it [m]."""
+        return self.width_m * (math.sqrt(0.5) if self.shape == "cube" else 0.5)
+
+
+@dataclass(frozen=True)
+class Bin:
+    """A low open tray that lies along the base frame's axes.
+
+    Attributes:
+        name: what it is called, commonly the colour that belongs into it.
+        x: of its middle [m].
+        y: of its middle [m].
+        half_size: (x, y) of its half lengths inside the walls [m].
+        colour: sRGB red, green, blue, 0 to 1.
+        wall_m: height of its walls [m].
+
+    Raises:
+        InputError: a number is outside its domain.
+    """
+
+    name: str
+    x: float
+    y: float
+    half_size: tuple[float, float]
+    colour: Colour
+    wall_m: float = 0.012
+
+    def __post_init__(self) -> None:
+        what = f"bin '{self.name}'"
+        _finite(what, x=self.x, y=self.y)
+        x, y = frozen_array(self.half_size, 2, name=f"{what}: half_size").tolist()
+        _positive(what, half_size_x=x, half_size_y=y, wall_m=self.wall_m)
+        _colour(what, self.colour)
+
+    def holds(self, x: float, y: float) -> bool:
+        """Whether a point lies inside the walls."""
+        return abs(x - self.x) <= self.half_size[0] and abs(y - self.y) <= self.half_size[1]
+
+
+@dataclass(frozen=True)
+class World:
+    """A table with what stands on it, and the light that falls on it.
+
+    Attributes:
+        table: the table; a body that is beyond its edge counts as fallen.
+        bodies: the objects.
+        bins: the trays.
+        light: brightness of the light; 1 exposes a picture well, 0.3 is dusk, 2 is glaring.
+        friction: coefficient between objects and table.
+        grip_friction: coefficient between objects and the gripper's pads.
+
+    Raises:
+        InputError: two bodies or two bins share a name, bodies stand in one another, or a number
+            is outside its domain.
+    """
+
+    table: Table = field(default_factory=Table)
+    bodies: tuple[Body, ...] = ()
+    bins: tuple[Bin, ...] = ()
+    light: float = 1.0
+    friction: float = 0.5
+    grip_friction: float = 1.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bodies", tuple(self.bodies))
+        object.__setattr__(self, "bins", tuple(self.bins))
+        _positive("the world", light=self.light)
+        _positive("the world", friction=self.friction, grip_friction=self.grip_friction)
+        for kind, parts in (("body", self.bodies), ("bin", self.bins)):
+            for name, count in Counter(part.name for part in parts).items():
+                if count > 1:
+                    raise InputError(f"{count} are called {kind} '{name}'; give each its own name")
+        for i, first in enumerate(self.bodies):
+            for second in self.bodies[i + 1 :]:
+                if _apart(first, second) < 0:
+                    raise InputError(
+                        f"bodies '{first.name}' and '{second.name}' stand in one another at "
+                        f"({first.x:.3f}, {first.y:.3f}) and ({second.x:.3f}, {second.y:.3f}); "
+                        "put them further apart"
+                    )
+
+    def body(self, name: str) -> Body:
+        """Return a body by name.
+
+        Raises:
+            InputError: there is no such body.
+        """
+        for body in self.bodies:
+            if body.name == name:
+                return body
+        known = ", ".join(body.name for body in self.bodies) or "none"
+        raise InputError(f"no body '{name}'; this world has: {known}")
+
+    def on_table(self, x: float, y: float) -> bool:
+        """Whether a point lies on the table."""
+        centre, half = self.table.centre, self.table.half_size
+        return abs(x - centre[0]) <= half[0] and abs(y - centre[1]) <= half[1]
+
+
+def _apart(first: Body, second: Body) -> float:
+    """Return the distance between two bodies' bounding cylinders [m], negative inside."""
+    return math.hypot(first.x - second.x, first.y - second.y) - first.reach - second.reach
+
+
+# ---- worlds drawn at random --------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where objects are put: a part of a ring about the base's axis.
+
+    Attributes:
+        radius: nearest and farthest distance of an object's middle from the axis [m].
+        bearing: lowest and highest angle from the base's x axis [rad].
+    """
+
+    radius: tuple[float, float] = (0.155, 0.225)
+    bearing: tuple[float, float] = (-1.2, 1.2)
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "bearing"):
+            low, high = frozen_array(getattr(self, name), 2, name=name).tolist()
+            if not (math.isfinite(low) and math.isfinite(high) and low < high):
+                raise InputError(f"{name} is {getattr(self, name)}; give a lower and a higher one")
+        if self.radius[0] <= 0:
+            raise InputError(f"radius is {self.radius}; give metres above 0")
+
+    def draw(self, rng: np.random.Generator) -> tuple[float, float]:
+        """Draw a point (x, y) [m], evenly over the area."""
+        radius = math.sqrt(rng.uniform(self.radius[0] ** 2, self.radius[1] ** 2))
+        bearing = rng.uniform(*self.bearing)
+        return radius * math.cos(bearing), radius * math.sin(bearing)
+
+
+_TRIES = 2000  # draws of one place before the others are drawn anew
+_RESTARTS = 50
+
+
+def scatter(
+    rng: np.random.Generator,
+    count: int,
+    *,
+    colours: Mapping[str, Colour] = COLOURS,
+    region: Region | None = None,
+    width_m: tuple[float, float] = (0.02, 0.04),
+    height_m: tuple[float, float] = (0.04, 0.07),
+    mass: tuple[float, float] = (0.010, 0.060),
+    shapes: tuple[Shape, ...] = SHAPES,
+    gap_m: float = 0.02,
+    bins: tuple[Bin, ...] = (),
+) -> tuple[Body, ...]:
+    """Draw bodies that stand apart in a region, their colours in turn.
+
+    Args:
+        rng: source of everything that is drawn.
+        count: how many.
+        colours: names and colours; a body is called ``red_0``, ``green_1`` and so on.
+        region: where their middles may be; ``Region()`` without one.
+        width_m: least and greatest width [m].
+        height_m: least and greatest height of what is no cube [m].
+        mass: least and greatest mass [kg].
+        shapes: which shapes there may be.
+        gap_m: least distance between two of them, and between one and a bin [m].
+        bins: trays that they must not stand in.
+
+    Raises:
+        InputError: there is no room for so many.
+    """
+    region = Region() if region is None else region
+    for _ in range(_RESTARTS):
+        bodies: list[Body] = []
+        for index in range(count):
+            name, colour = list(colours.items())[index % len(colours)]
+            shape: Shape = shapes[int(rng.integers(len(shapes)))]
+            width, height = rng.uniform(*width_m), rng.uniform(*height_m)
+            size = width, width if shape == "cube" else height, rng.uniform(*mass)
+            yaw = rng.uniform(-math.pi, math.pi)
+            for _ in range(_TRIES):
+                at = region.draw(rng)
+                body = Body(f"{name}_{index}", shape, *size, colour, *at, yaw)
+                if all(_apart(body, other) >= gap_m for other in bodies) and not any(
+                    _touches(body, tray, gap_m) for tray in bins
+                ):
+                    bodies.append(body)
+                    break
+            else:
+                break
+        if len(bodies) == count:
+            return tuple(bodies)
+    raise InputError(
+        f"no room for {count} bodies of up to {width_m[1]} m that stand {gap_m} m apart in "
+        f"{region}; ask for fewer, or for a larger region"
+    )
+
+
+def _touches(body: Body, tray: Bin, gap: float) -> bool:
+    dx = max(abs(body.x - tray.x) - tray.half_size[0], 0.0)
+    dy = max(abs(body.y - tray.y) - tray.half_size[1], 0.0)
+    return math.hypot(dx, dy) < body.reach + gap
+
+
+# ---- checks ------------------------------------------------------------------------------------
+
+
+def _positive(what: str, **values: float) -> None:
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"{what}: {name} is {value}; give a number above 0")
+
+
+def _finite(what: str, **values: float) -> None:
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise InputError(f"{what}: {name} is {value}; give a finite number")
+
+
+def _colour(what: str, colour: Colour) -> None:
+    shares = frozen_array(colour, 3, name=f"{what}: colour")
+    if not ((shares >= 0) & (shares <= 1)).all():
+        raise InputError(f"{what}: colour is {colour}; give red, green and blue from 0 to 1")

@@ -1,0 +1,168 @@
+"""What a camera in the simulated world sees: pixels, and nothing else."""
+
+from __future__ import annotations
+
+import math
+from types import TracebackType
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from arm3dof.errors import InputError
+from arm3dof.sim.lens import Lens
+from arm3dof.sim.mujoco_plant import MujocoPlant
+from arm3dof.sim.renderer import Image, Renderer
+from arm3dof.state import Array, frozen_array
+
+Levels = NDArray[np.int16]
+
+_SUBFRAMES = 5  # moments that a blurred picture is the mean of
+_SPARE = 64  # by how many pixels the noise is larger than the picture, to shift it about
+_SHADOW_MAP = 1024  # [px]
+_SAMPLES = 4
+
+
+class WorldCamera:
+    """A camera that stands in a plant's world and draws it off the screen, on the CPU.
+
+    Attributes:
+        width: of its pictures [px].
+        height: of its pictures [px].
+        camera_matrix: its intrinsics, shape (3, 3) [px].
+        transform_base_camera: its pose, shape (4, 4); may be set to move it.
+    """
+
+    def __init__(
+        self,
+        plant: MujocoPlant,
+        camera_matrix: ArrayLike,
+        transform_base_camera: ArrayLike,
+        width: int,
+        height: int,
+        *,
+        distortion: ArrayLike = (),
+        noise: float = 0.0,
+        exposure: float = 0.0,
+        shadows: bool = True,
+        smooth: bool = True,
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        """Put a camera into a world.
+
+        Args:
+            plant: whose world it sees.
+            camera_matrix: intrinsics ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]``, shape (3, 3) [px];
+                the middle of the first pixel is (0, 0), as in OpenCV.
+            transform_base_camera: pose of the optical frame (x right, y down, z forward) in the
+                base frame, shape (4, 4).
+            width: of its pictures [px].
+            height: of its pictures [px].
+            distortion: of its lens, OpenCV's k1 k2 p1 p2 [k3 [k4 k5 k6]]; none when empty.
+            noise: standard deviation of the sensor's noise [grey levels].
+            exposure: time that a picture takes [s]; what moves meanwhile is blurred.
+            shadows: whether things cast shadows.
+            smooth: whether edges are drawn smooth, which takes about twice as long.
+            rng: source of the noise; needed where there is noise.
+
+        Raises:
+            InputError: an argument cannot belong to a camera, or there is noise without ``rng``.
+            ArmError: this machine can draw nothing; the message says what to install.
+        """
+        if width < 1 or height < 1:
+            raise InputError(f"the picture is {width} x {height} px; give sizes of 1 or more")
+        for name, value in (("noise", noise), ("exposure", exposure)):
+            if not (math.isfinite(value) and value >= 0):
+                raise InputError(f"{name} is {value!r}; give 0 or more")
+        self.width, self.height = int(width), int(height)
+        self.camera_matrix = _intrinsics(camera_matrix)
+        self.transform_base_camera = frozen_array(
+            transform_base_camera, 4, 4, name="transform_base_camera"
+        )
+        self._plant, self._exposure, self._rng = plant, exposure, rng
+        bends = np.size(distortion) > 0
+        self._lens = Lens(self.camera_matrix, distortion, width, height) if bends else None
+        self._noise = _noise_bank(self.width, self.height, noise, rng)
+        self._data = mujoco.MjData(plant.model)
+        size = (width, height) if self._lens is None else (self._lens.width, self._lens.height)
+        self._renderer = Renderer(
+            plant.model,
+            *size,
+            shadows=_SHADOW_MAP if shadows else 0,
+            samples=_SAMPLES if smooth else 0,
+        )
+
+    def __enter__(self) -> WorldCamera:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give back what it draws with."""
+        self._renderer.close()
+
+    def take(self) -> Image:
+        """Take a picture of the present moment, BGR, shape (height, width, 3), uint8."""
+        data = self._plant.data
+        qpos, qvel = data.qpos.copy(), data.qvel.copy()
+        if self._exposure == 0 or not np.any(qvel):
+            picture = self._draw(qpos)
+        else:
+            total = np.zeros((self.height, self.width, 3), np.float32)
+            for moment in np.linspace(-self._exposure, 0.0, _SUBFRAMES):
+                then = qpos.copy()
+                mujoco.mj_integratePos(self._plant.model, then, qvel, moment)
+                total += self._draw(then)
+            picture = (total / _SUBFRAMES + 0.5).astype(np.uint8)
+        if self._noise is None or self._rng is None:
+            return picture
+        return self._with_noise(picture, self._noise, self._rng)
+
+    def _draw(self, qpos: Array) -> Image:
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._plant.model, self._data)
+        mujoco.mj_camlight(self._plant.model, self._data)
+        if self._lens is None:
+            return self._renderer.draw(self._data, self.camera_matrix, self.transform_base_camera)
+        straight = self._renderer.draw(self._data, self._lens.matrix, self.transform_base_camera)
+        return self._lens.bend(straight)
+
+    def _with_noise(self, picture: Image, bank: Levels, rng: np.random.Generator) -> Image:
+        row, column = rng.integers(0, _SPARE, 2)
+        noise = bank[row : row + self.height, column : column + self.width]
+        noisy: Image = np.clip(picture + noise, 0, 255).astype(np.uint8)
+        return noisy
+
+
+def _intrinsics(values: ArrayLike) -> Array:
+    matrix = frozen_array(values, 3, 3, name="camera_matrix")
+    bare = np.array([[matrix[0, 0], 0, matrix[0, 2]], [0, matrix[1, 1], matrix[1, 2]], [0, 0, 1]])
+    if not (
+        np.isfinite(matrix).all()
+        and np.array_equal(matrix, bare)
+        and (bare[[0, 1], [0, 1]] > 0).all()
+    ):
+        raise InputError(
+            f"camera_matrix is {matrix.tolist()}; give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] "
+            "with positive focal lengths [px] and no skew"
+        )
+    return matrix
+
+
+def _noise_bank(
+    width: int, height: int, sigma: float, rng: np.random.Generator | None
+) -> Levels | None:
+    """Return noise that is larger than a picture: each picture takes another part of it."""
+    if sigma == 0:
+        return None
+    if rng is None:
+        raise InputError("noise needs a source: give rng=numpy.random.default_rng(seed)")
+    values = rng.standard_normal((height + _SPARE, width + _SPARE, 3), dtype=np.float32)
+    bank: Levels = np.rint(values * np.float32(sigma)).astype(np.int16)
+    return bank
