@@ -25,8 +25,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from arm3dof.errors import ArmError, InputError
+from arm3dof.ui.broadcast import MAX_PENDING_BYTES
 from arm3dof.ui.guard import LoopbackGuard
-from arm3dof.ui.meshcat_window import MAX_PENDING_BYTES, MeshcatWindow
+from arm3dof.ui.meshcat_window import MeshcatWindow
 from arm3dof.ui.server import MAX_FRAME, LocalServer, serve
 from arm3dof.ui.shapes import set_property
 

@@ -9,7 +9,19 @@ from typing import Annotated
 
 import typer
 
-from arm3dof.cli import campaign, compare, demo, doctor, output, robots, see, simulate, sweep, view
+from arm3dof.cli import (
+    campaign,
+    compare,
+    demo,
+    doctor,
+    output,
+    robots,
+    see,
+    simulate,
+    studio,
+    sweep,
+    view,
+)
 from arm3dof.cli.options import JsonFlag
 from arm3dof.errors import ArmError
 
@@ -43,6 +55,7 @@ app.command()(simulate.simulate)
 app.command("compare")(compare.compare_controllers)
 app.command("sweep")(sweep.sweep_settings)
 app.command()(view.view)
+app.command()(studio.studio)
 app.command()(robots.check)
 app.command("robots")(robots.robots)
 app.add_typer(see.calibrate, name="calibrate")

@@ -13,8 +13,9 @@ from arm3dof.cli import output
 from arm3dof.cli.options import JsonFlag, Overrides, RobotName, ServoNames, robot_from, writable
 from arm3dof.cli.progress import control_steps
 from arm3dof.cli.see import CameraName, Hsv, TargetNames, WidthM, read_hsv, show_view, wanted
+from arm3dof.cli.serving import Browser, Port, show_address
 from arm3dof.cli.simulate import show_files, show_metrics
-from arm3dof.cli.view import Browser, Port, play, show_address
+from arm3dof.cli.view import PLAYS, play
 from arm3dof.control.settings import MpcSettings
 from arm3dof.errors import InputError
 from arm3dof.runtime.experiment import PAPER_DURATION
@@ -97,7 +98,7 @@ def demo(
         def show(console: Console) -> None:
             _show(console, setting, story)
             if url is not None:
-                show_address(console, url)
+                show_address(console, PLAYS, url)
 
         report = story.report() | {"assumed": setting.guessed, "url": url}
         output.deliver(report, as_json=as_json, show=show)

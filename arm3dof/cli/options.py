@@ -71,13 +71,23 @@ def robot_from(source: str, changes: list[str] | None, servos: list[str] | None 
             or a servo is unknown.
         ArmError: the robot cannot be loaded.
     """
+    overrides = read_overrides(changes) or None
+    return load_robot(source, overrides=overrides, servos=read_servos(servos))
+
+
+def read_overrides(changes: list[str] | None) -> dict[str, float]:
+    """Read the changes of ``--set``.
+
+    Raises:
+        InputError: a change is not ``KEY=VALUE`` with a number.
+    """
     overrides: dict[str, float] = {}
     for change in changes or ():
         key, equals, value = change.partition("=")
         if not equals or not key.strip():
             raise InputError(f"--set '{change}': write KEY=VALUE, for example link2.mass=0.2")
         overrides[key.strip()] = number(value, f"--set {key.strip()}")
-    return load_robot(source, overrides=overrides or None, servos=read_servos(servos))
+    return overrides
 
 
 def read_servos(words: list[str] | None) -> Servos | None:

@@ -1,37 +1,23 @@
-"""``arm3dof view``: a recording in the browser."""
+"""``arm3dof view``: the page that plays a recording, until Ctrl-C."""
 
 from __future__ import annotations
 
-import os
-import sys
-import webbrowser
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.console import Console
 
 from arm3dof.cli import output
-from arm3dof.cli.doctor import VIEWER_PORT
 from arm3dof.cli.options import JsonFlag
+from arm3dof.cli.serving import Browser, Port, serve_until_interrupted, show_address
 from arm3dof.cli.simulate import show_metrics
-from arm3dof.errors import InputError
 from arm3dof.runtime.metrics import summarise
 from arm3dof.runtime.recording import Recording
 
-if TYPE_CHECKING:  # the server loads only where something is shown
-    from arm3dof.ui.server import LocalServer
-
-Port = Annotated[
-    int | None,
-    typer.Option(
-        metavar="PORT",
-        help=f"Port of the page; 0 takes any. Default: {VIEWER_PORT}, or any when it is taken.",
-        show_default=False,
-    ),
-]
-Browser = Annotated[bool, typer.Option(help="Open the page in a browser when there is one.")]
+PLAYS = "The motion plays"
 
 
 def view(
@@ -50,7 +36,7 @@ def view(
     def announce(url: str) -> None:
         def show(console: Console) -> None:
             show_metrics(console, metrics)
-            show_address(console, url)
+            show_address(console, PLAYS, url)
 
         output.deliver({"url": url, "settled": metrics.settled}, as_json=as_json, show=show)
 
@@ -72,37 +58,8 @@ def play(
     Raises:
         InputError: the port is taken, or cannot be used.
     """
-    with _server(recording, port) as server:
-        announce(server.url)
-        if browser and _has_desktop():
-            webbrowser.open(server.url)
-        try:
-            server.wait()
-        except KeyboardInterrupt:
-            output.err().print("stopped")
-
-
-def show_address(console: Console, url: str) -> None:
-    """Print where the page is."""
-    console.print(f"\nThe motion plays at [bold]{url}[/] (Ctrl-C ends it)")
-
-
-def _server(recording: Recording, port: int | None) -> LocalServer:
     from arm3dof.ui.meshcat_scene import recording_scene
     from arm3dof.ui.server import serve
 
     window = recording_scene(recording).window
-    if port is not None:
-        return serve(window, port)
-    try:
-        return serve(window, VIEWER_PORT)
-    except InputError:  # taken: any other will do
-        return serve(window, 0)
-
-
-def _has_desktop() -> bool:
-    """Return whether somebody sits at this terminal with a graphical desktop around it."""
-    graphical = sys.platform in ("darwin", "win32") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
-    )
-    return graphical and sys.stdout.isatty()
+    serve_until_interrupted(partial(serve, window), port, browser=browser, announce=announce)

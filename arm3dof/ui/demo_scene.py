@@ -23,16 +23,20 @@ def draw_demo(camera: Camera, rng: np.random.Generator) -> Image:
     Returns:
         BGR picture of the camera's size, shape (height, width, 3), uint8.
     """
-    table = Table()
-    scene = Scene((_cylinder(rng, table), *_clutter(table)), table)
     return draw(
-        scene,
+        demo_table(rng),
         camera.camera_matrix,
         camera.transform_base_camera,
         camera.width,
         camera.height,
         rng,
     )
+
+
+def demo_table(rng: np.random.Generator) -> Scene:
+    """Return the table; ``rng`` decides where the cylinder stands."""
+    table = Table()
+    return Scene((_cylinder(rng, table), *_clutter(table)), table)
 
 
 def _cylinder(rng: np.random.Generator, table: Table) -> Solid:

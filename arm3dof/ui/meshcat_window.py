@@ -5,27 +5,21 @@
 MeshCat's own server: no subprocess, no ZMQ, no thread. Drawing is allowed from any thread.
 
 A scene is a set of commands. The window keeps the last one of each kind for each path, so its
-memory is bounded by what is drawn, however often a property is set. Clients only listen: a client
-that sends anything is disconnected, and one that reads too slowly is dropped (its page connects
-again and gets the whole scene anew).
+memory is bounded by what is drawn, however often a property is set.
 """
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
-import threading
 import webbrowser
-from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import msgpack
 import numpy as np
 from starlette.routing import BaseRoute, WebSocketRoute
-from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from arm3dof.errors import InputError
+from arm3dof.ui.broadcast import Broadcast
 from arm3dof.ui.page import page_routes, static_page
 
 Command = Mapping[str, object]
@@ -34,12 +28,6 @@ ANIMATION = "set_animation"
 # MeshCat's "set_control" is missing on purpose: the viewer would evaluate its text as code.
 SCENE_COMMANDS = frozenset({"set_object", "set_transform", "set_property", "delete", ANIMATION})
 PAGE_COMMANDS = frozenset({"caption", "views", "replay"})  # understood by our own page
-MAX_PENDING = 512  # messages a client may be behind, some 15 s of a moving arm
-MAX_PENDING_BYTES = 1 << 25
-CLOSE_WAIT = 0.5  # s
-
-POLICY_VIOLATION = 1008
-TRY_AGAIN_LATER = 1013
 
 
 class MeshcatCommand(Protocol):
@@ -59,9 +47,9 @@ class MeshcatWindow:
 
     def __init__(self) -> None:
         self.web_url = ""
-        self._changed = threading.Condition()
+        self._listeners = Broadcast(self._snapshot)
+        self._lock = self._listeners.changed
         self._scene: dict[tuple[str, ...], bytes] = {}
-        self._clients: set[_Client] = set()
 
     # ---- drawing ---------------------------------------------------------------------------
 
@@ -83,16 +71,14 @@ class MeshcatWindow:
             InputError: a command is of a kind that the page does not take.
         """
         packed = [(command, _pack(command)) for command in commands]
-        with self._changed:
+        with self._lock:
             for command, data in packed:
                 self._keep(command, data)
-            message = _batch([data for _, data in packed])
-            for client in self._clients:
-                client.offer(message)
+            self._listeners.send(_batch([data for _, data in packed]))
 
     def snapshot(self) -> bytes:
         """Return the whole scene as one message."""
-        with self._changed:
+        with self._lock:
             return self._snapshot()
 
     def get_scene(self) -> str:
@@ -118,45 +104,18 @@ class MeshcatWindow:
         Args:
             timeout: longest wait [s]; ``None`` waits for ever.
         """
-        with self._changed:
-            return self._changed.wait_for(lambda: bool(self._clients), timeout)
+        return self._listeners.wait(timeout)
 
     @property
     def client_count(self) -> int:
         """Number of browsers that are connected."""
-        with self._changed:
-            return len(self._clients)
+        return self._listeners.count
 
     # ---- serving ---------------------------------------------------------------------------
 
     def routes(self) -> list[BaseRoute]:
         """Return the routes of the page and its scene, to serve alone or to mount elsewhere."""
-        return [*page_routes(), WebSocketRoute("/scene", self.endpoint)]
-
-    async def endpoint(self, websocket: WebSocket) -> None:
-        """Serve one browser until it leaves, speaks, or falls too far behind."""
-        await websocket.accept()
-        client = _Client(asyncio.get_running_loop())
-        with self._changed:
-            client.offer(self._snapshot())
-            self._clients.add(client)
-            self._changed.notify_all()
-        heard = asyncio.create_task(_hear(websocket))
-        behind = asyncio.create_task(client.is_behind.wait())
-        tasks = {heard, behind, asyncio.create_task(client.pump(websocket))}
-        try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            with self._changed:
-                self._clients.discard(client)
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
-        spoke = heard in done and heard.result()
-        if spoke or behind in done:
-            code = POLICY_VIOLATION if spoke else TRY_AGAIN_LATER
-            with contextlib.suppress(TimeoutError, WebSocketDisconnect):
-                await asyncio.wait_for(websocket.close(code), CLOSE_WAIT)
+        return [*page_routes(), WebSocketRoute("/scene", self._listeners.endpoint)]
 
     # ---- the scene -------------------------------------------------------------------------
 
@@ -195,47 +154,6 @@ class MeshcatWindow:
                 if (key[0] in (ANIMATION, "replay")) is late
             ]
         )
-
-
-class _Client:
-    """One browser and the messages that it has yet to get; its state belongs to the loop."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self.is_behind = asyncio.Event()
-        self._loop = loop
-        self._pending: deque[bytes] = deque()
-        self._pending_bytes = 0
-        self._wake = asyncio.Event()
-
-    def offer(self, message: bytes) -> None:
-        """Queue a message, from any thread."""
-        self._loop.call_soon_threadsafe(self._accept, message)
-
-    def _accept(self, message: bytes) -> None:
-        count, size = len(self._pending), self._pending_bytes + len(message)
-        if count >= MAX_PENDING or (count > 0 and size > MAX_PENDING_BYTES):
-            self._pending.clear()
-            self.is_behind.set()
-        elif not self.is_behind.is_set():
-            self._pending.append(message)
-            self._pending_bytes = size
-            self._wake.set()
-
-    async def pump(self, websocket: WebSocket) -> None:
-        """Send what is pending until the browser is gone."""
-        with contextlib.suppress(WebSocketDisconnect):
-            while await self._wake.wait():
-                self._wake.clear()
-                while self._pending:
-                    message = self._pending.popleft()
-                    self._pending_bytes -= len(message)
-                    await websocket.send_bytes(message)
-
-
-async def _hear(websocket: WebSocket) -> bool:
-    """Wait for the browser to speak (true, and against the rules) or to leave (false)."""
-    message = await websocket.receive()
-    return str(message["type"]) != "websocket.disconnect"
 
 
 # ---- packing -----------------------------------------------------------------------------------

@@ -7,6 +7,8 @@ var viewer = new MeshCat.Viewer($("#view"));
 const OWN_NODES = new Set(Object.keys(viewer.scene_tree.children));
 const FIELD_OF_VIEW = 32; // degrees
 const LOOP_PAUSE = 1.0; // s between the end of a replay and its next start
+const plain = new URLSearchParams(location.search).has("plain"); // inside another page
+document.body.classList.toggle("plain", plain);
 
 // ---- camera: the scene's z is up; the camera's own frame has y up -----------------------------
 
@@ -44,7 +46,7 @@ const camera = {
     if (!view) return;
     const [eye, target] = [view.eye, view.target].map(([x, y, z]) => new MeshCat.THREE.Vector3(x, z, -y));
     const aspect = window.innerWidth / window.innerHeight;
-    eye.sub(target).multiplyScalar(Math.max(1, 1.25 / aspect)).add(target); // a phone stands back
+    eye.sub(target).multiplyScalar(Math.max(1, (plain ? 1 : 1.25) / aspect)).add(target); // a phone stands back
     viewer.camera.fov = FIELD_OF_VIEW;
     viewer.camera.position.copy(eye);
     viewer.controls.target.copy(target);
@@ -105,6 +107,27 @@ viewer.render = function () {
   quality.drawn();
 };
 setInterval(() => quality.rest(), 250);
+
+// ---- night: a dark background for a dark page, called by the page around this one ----------------
+
+const night = {
+  dark: false,
+  sky: [[0.957, 0.969, 0.98], [0.13, 0.17, 0.21]], ground: [[0.79, 0.83, 0.87], [0.06, 0.08, 0.10]],
+
+  set(dark) {
+    this.dark = dark;
+    document.body.classList.toggle("dark", dark);
+    this.apply();
+  },
+
+  apply() {
+    const k = this.dark ? 1 : 0;
+    viewer.set_property(["Background"], "top_color", this.sky[k]);
+    viewer.set_property(["Background"], "bottom_color", this.ground[k]);
+    viewer.set_property(["floor", "disc"], "visible", !this.dark);
+    viewer.set_dirty();
+  },
+};
 
 // ---- caption ----------------------------------------------------------------------------------
 
@@ -269,6 +292,7 @@ function connect(attempt) {
   let retry = attempt;
   socket.binaryType = "arraybuffer";
   socket.onmessage = (message) => {
+    const wasFresh = fresh;
     if (fresh) { // the first message is the whole scene
       fresh = false;
       retry = 0;
@@ -276,6 +300,7 @@ function connect(attempt) {
       clearScene();
     }
     viewer.handle_command_message(message);
+    if (night.dark && wasFresh) night.apply();
   };
   socket.onclose = () => {
     $("#status").textContent = "Connection lost. Trying again …";

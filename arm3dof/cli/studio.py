@@ -1,0 +1,97 @@
+"""``arm3dof studio``: one live page on which a person sees, aims, moves, tunes and understands."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from arm3dof.cli import output
+from arm3dof.cli.options import (
+    JsonFlag,
+    Overrides,
+    RobotName,
+    read_overrides,
+    robot_from,
+    writable,
+)
+from arm3dof.cli.serving import Browser, Port, serve_until_interrupted, show_address
+from arm3dof.errors import MissingExtra
+
+if TYPE_CHECKING:
+    from arm3dof.runtime.live.eye_process import EyeSpec
+
+
+def studio(
+    robot: RobotName = "arm3dof",
+    changes: Overrides = None,
+    camera: Annotated[
+        str,
+        typer.Option(
+            metavar="WHERE",
+            help="What the eye looks through: 'world' (the simulated table), the number of a "
+            "camera device, a video file, or a folder of pictures.",
+        ),
+    ] = "world",
+    camera_file: Annotated[
+        str,
+        typer.Option(metavar="CAMERA", help="A CAMERA.toml, or a preset such as desk or paper."),
+    ] = "desk",
+    folder: Annotated[
+        Path,
+        typer.Option("--out", metavar="DIR", help="The only folder that files are written to."),
+    ] = Path("out/studio"),
+    port: Port = None,
+    browser: Browser = True,
+    as_json: JsonFlag = False,
+) -> int:
+    """Open the studio: a live arm, its camera and its controller on one page, until Ctrl-C.
+
+    With --json the object is printed when the page is ready.
+    """
+    try:
+        from arm3dof.ui.studio.site import build_site
+    except ImportError as error:
+        if error.name and error.name.partition(".")[0] in ("nicegui", "fastapi"):
+            raise MissingExtra("the studio", "studio") from None
+        raise
+    from arm3dof.runtime.experiment import default_start
+    from arm3dof.ui.server import LocalServer
+    from arm3dof.ui.studio.studio import Studio
+
+    arm = robot_from(robot, changes)
+    eye = _eye(camera, camera_file)
+    writable(folder)
+
+    def announce(url: str) -> None:
+        def show(console: Console) -> None:
+            show_address(console, "The studio is open", url)
+
+        output.deliver({"url": url, "robot": arm.name}, as_json=as_json, show=show)
+
+    overrides = read_overrides(changes)
+    live = Studio(robot, arm, default_start(arm), eye, folder, overrides=overrides)
+    try:
+        serve = partial(LocalServer, build_site(live))
+        serve_until_interrupted(serve, port, browser=browser, announce=announce)
+    finally:
+        live.close()
+    return output.DONE
+
+
+def _eye(where: str, camera_file: str) -> EyeSpec:
+    from arm3dof.config.camera_file import load_camera
+    from arm3dof.runtime.live.eye import Watch
+    from arm3dof.runtime.live.eye_process import EyeSpec
+    from arm3dof.ui.demo_scene import demo_table
+
+    setup = load_camera(camera_file)
+    targets = tuple(setup.targets.values())
+    watch = Watch(targets, targets[0].name if targets else "")
+    if where == "world":
+        return EyeSpec(setup.camera, watch, demo_table(np.random.default_rng(0)))
+    return EyeSpec(setup.camera, watch, int(where) if where.isdecimal() else Path(where))

@@ -1,0 +1,272 @@
+"""The arm, its controllers and what it was told: everything of the live world but its clock.
+
+``LiveArm`` advances by frames, a few to each control step, and does the same whether a clock
+drives it in real time or a test in none at all.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from arm3dof.control import baselines
+from arm3dof.control.fallback import Fallback
+from arm3dof.control.mpc import MpcController
+from arm3dof.control.settings import MpcSettings
+from arm3dof.control.step import Controller, ControlStatus, ControlStep, TorqueSource
+from arm3dof.errors import InputError
+from arm3dof.model.robot import Robot
+from arm3dof.runtime.live import commands as cmd
+from arm3dof.runtime.live.frames import PLAN_ROWS, Frames, Mode, frame_type
+from arm3dof.runtime.live.plants import LivePlant
+from arm3dof.state import Array, finite_vector
+
+FRAME_RATE = 60.0
+"""Frames that are aimed at [1/s]; a faster controller gives one a control step."""
+_AT_REST = 0.05  # [rad/s]: a slower joint has been braked
+
+
+class LiveArm:
+    """A plant under control that does what it is told, frame by frame.
+
+    Attributes:
+        plant: the body that moves.
+        mode: what the arm is doing.
+        paused: whether time stands still.
+        kind: type of the frames.
+    """
+
+    def __init__(self, plant: LivePlant, start: Array, control: cmd.Control | None = None) -> None:
+        """Create an arm that holds its start.
+
+        Args:
+            plant: the body.
+            start: joint positions to begin at, shape (nv,) [rad].
+            control: the controller to begin with.
+        """
+        robot = plant.robot
+        self.plant, self.kind = plant, frame_type(robot.nv, len(plant.bodies))
+        self._start = finite_vector(start, robot.nv, "start")
+        self._true, self._model = robot, robot
+        self._load, self._version, self._run, self._energy = 0.0, 0, 0, 0.0
+        self.paused = False
+        self._steps_left = 0
+        self._push, self._push_left = np.zeros(robot.nv), 0
+        self._q_target = self._start
+        self._frame = 0
+        plant.restart(self._start)
+        self._choose(control or cmd.Control())
+        self._hold(self._start)
+
+    # ---- commands --------------------------------------------------------------------------
+
+    def obey(self, command: cmd.Command) -> None:
+        """Do what a command says.
+
+        Raises:
+            ArmError: it cannot be done; everything is as before.
+        """
+        match command:
+            case cmd.Run():
+                self._begin_run()
+            case cmd.Stop():
+                self.stop()
+            case cmd.Pause(paused):
+                self.paused = paused
+            case cmd.StepOnce():
+                self.paused = True
+                self._steps_left = len(self._schedule)
+            case cmd.Aim(q_target):
+                self._q_target = finite_vector(q_target, self._true.nv, "the target")
+            case cmd.Push():
+                self._begin_push(command)
+            case cmd.Load(mass):
+                self._load = mass
+                self.plant.change_robot(self._loaded())
+            case cmd.Grip(opening):
+                self.plant.grip(opening)
+            case cmd.Control():
+                self._choose(command)
+            case cmd.Rebuild():
+                self._rebuild(command)
+            case cmd.Restart():
+                self.plant.restart(self._start)
+                self._hold(self._start)
+            case cmd.Do(task):
+                raise InputError(f"this world has nothing to {task}; start one with physics")
+            case cmd.Alive():
+                pass
+
+    def stop(self) -> None:
+        """Brake to rest, then hold there."""
+        self.paused = False
+        self.mode = Mode.BRAKING
+        self._brake.reset()
+
+    def _begin_run(self) -> None:
+        self.paused = False
+        self._controller.reset()
+        self._run += 1
+        self._energy = 0.0
+        self.mode = Mode.RUNNING
+        self._frame = 0
+
+    def _begin_push(self, push: cmd.Push) -> None:
+        if not 0 <= push.joint < self._true.nv:
+            raise InputError(f"joint is {push.joint}; give 0 to {self._true.nv - 1}")
+        self._push = np.zeros(self._true.nv)
+        self._push[push.joint] = push.torque
+        self._push_left = round(push.duration / self.plant.dt)
+
+    def _choose(self, control: cmd.Control) -> None:
+        """Build the chosen controller, the one that holds, and the brake; then use them."""
+        settings = control.settings()
+        steps = round(settings.dt / self.plant.dt)
+        if steps < 1 or abs(steps * self.plant.dt - settings.dt) > 1e-9:
+            raise InputError(
+                f"dt is {settings.dt} s; give a whole number of steps of {self.plant.dt} s"
+            )
+        controller = _controller(self._model, control.controller, settings)
+        holder = MpcController(self._model, MpcSettings(dt=settings.dt))
+        count = max(1, round(settings.dt * FRAME_RATE))
+        self._schedule = np.diff(np.round(np.linspace(0, steps, count + 1)).astype(int))
+        self._controller, self._holder, self._control = controller, holder, control
+        self._brake = Fallback(self._model, settings.dt / count, 0.0)
+        held = self.plant.robot.gravity(self.plant.state.q)
+        self._tau = np.clip(held, -self._tau_max, self._tau_max)
+        delay = round(control.delay / self.plant.dt)
+        self._commands = deque([self._tau] * delay)
+        self._answer = ControlStep(
+            self._tau,
+            np.zeros(self._true.nv),
+            np.zeros((0, 2 * self._true.nv)),
+            ControlStatus.SOLVED,
+            TorqueSource.OPTIMUM,
+            0.0,
+        )
+        self._frame = 0
+
+    def _rebuild(self, change: cmd.Rebuild) -> None:
+        robot = change.robot.unpack()
+        if robot.nv != self._true.nv:
+            raise InputError(
+                f"{robot.name} has {robot.nv} joints; this world goes on with {self._true.nv}"
+            )
+        self._true = robot
+        self.plant.change_robot(self._loaded())
+        self._version = change.version
+        if change.told:
+            self._model = robot
+            self._choose(self._control)
+
+    def _loaded(self) -> Robot:
+        return self._true.with_payload(self._load) if self._load else self._true
+
+    def _hold(self, q: Array) -> None:
+        self.mode, self._rest = Mode.HOLDING, np.array(q)
+        self._holder.reset()
+        self._frame = 0
+
+    @property
+    def _tau_max(self) -> Array:
+        return self._true.limits.tau_max
+
+    # ---- time ------------------------------------------------------------------------------
+
+    @property
+    def frame_time(self) -> float:
+        """How long the next frame lasts [s]."""
+        return float(self._schedule[self._frame]) * self.plant.dt
+
+    def advance(self) -> Frames:
+        """Let the next frame pass, unless time stands still, and return what there is to see."""
+        controlled = False
+        frozen = self.paused and self._steps_left == 0
+        if not frozen:
+            if self.mode is Mode.BRAKING:
+                self._braking()
+            controlled = self._frame == 0 and self.mode is not Mode.BRAKING
+            if controlled:
+                self._decide()
+            self._move(int(self._schedule[self._frame]))
+            self._steps_left = max(self._steps_left - 1, 0)
+        self._frame = (self._frame + 1) % len(self._schedule)
+        return self._seen(controlled)
+
+    def _decide(self) -> None:
+        state = self.plant.measure()
+        if self.mode is Mode.RUNNING:
+            self._answer = self._controller.step(state, self._q_target)
+        else:
+            self._answer = self._holder.step(state, self._rest)
+        self._tau = self._answer.tau
+
+    def _braking(self) -> None:
+        state = self.plant.measure()
+        if (np.abs(state.v) < _AT_REST).all():
+            self._hold(state.q)
+            return
+        answer = self._brake.answer(state, np.zeros(state.v.size))
+        self._tau = np.clip(answer.tau, -self._tau_max, self._tau_max)
+        self._answer = ControlStep(
+            self._tau,
+            answer.u,
+            np.zeros((0, 2 * state.v.size)),
+            ControlStatus.SOLVED,
+            TorqueSource.BRAKING,
+            0.0,
+        )
+
+    def _move(self, steps: int) -> None:
+        nothing = np.zeros(self._true.nv)
+        for _ in range(steps):
+            self._commands.append(self._tau)
+            pushed = self._push_left > 0
+            given = self.plant.step(self._commands.popleft(), self._push if pushed else nothing)
+            self._push_left -= pushed
+            self._energy += float(np.abs(given @ self.plant.state.v)) * self.plant.dt
+            self._given = given
+
+    # ---- what there is to see ---------------------------------------------------------------
+
+    def _seen(self, controlled: bool) -> Frames:
+        state, answer, robot = self.plant.state, self._answer, self.plant.robot
+        frame = np.zeros((), self.kind)
+        frame["t"], frame["q"], frame["v"] = state.t, state.q, state.v
+        frame["tau"] = getattr(self, "_given", self._tau)
+        frame["u"], frame["q_target"] = answer.u, self._q_target
+        frame["gravity"] = robot.gravity(state.q)
+        frame["tool"] = robot.placement(state.q).translation
+        frame["energy"], frame["load"] = self._energy, self._load
+        frame["opening"], frame["bodies"] = self.plant.opening, self.plant.bodies
+        frame["step_time"], frame["control"] = answer.solve_time, controlled
+        frame["mode"], frame["status"], frame["source"] = self.mode, answer.status, answer.source
+        frame["paused"], frame["run"], frame["version"] = self.paused, self._run, self._version
+        if isinstance(self._controller, MpcController):
+            frame["disturbance"] = self._controller.observer.disturbance
+        self._show_plan(frame)
+        return frame
+
+    def _show_plan(self, frame: Frames) -> None:
+        plan = self._answer.plan
+        if self.mode is not Mode.RUNNING or len(plan) < 2:
+            return
+        rows = np.unique(np.linspace(0, len(plan) - 1, PLAN_ROWS).astype(int))
+        frame["plan_rows"] = rows.size
+        frame["plan_q"][: rows.size] = self._q_target - plan[rows, : self._true.nv]
+        frame["plan_t"][: rows.size] = frame["t"] + rows * self._controller.dt
+
+
+def _controller(robot: Robot, name: cmd.ControllerName, settings: MpcSettings) -> Controller:
+    match name:
+        case "mpc":
+            return MpcController(robot, settings)
+        case "computed-torque":
+            return baselines.computed_torque(robot, settings.dt)
+        case "pd-gravity":
+            return baselines.pd_gravity(robot, settings.dt)
+        case "pid":
+            return baselines.pid(robot, settings.dt)
+        case "pd":
+            return baselines.pd(robot, settings.dt)

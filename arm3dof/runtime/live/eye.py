@@ -1,0 +1,219 @@
+"""The camera beside the live arm: takes a picture, looks at it, and draws what it saw.
+
+It is given what to look for and answers with pictures; it knows no clock and no process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from arm3dof.errors import InputError
+from arm3dof.sim.scene import Light, Scene, draw
+from arm3dof.vision.annotate import annotate
+from arm3dof.vision.camera import Camera
+from arm3dof.vision.colour import ColourTarget, HsvRange, Image, blurred_hsv
+from arm3dof.vision.locate import View, look
+from arm3dof.vision.sources import Frame
+
+_QUALITY = 82  # of the JPEG
+_NOISES = 6  # pictures of the same scene with noise of their own
+_MASK_TINT = (150, 190, 0)  # BGR of what is inside the bounds: bluish green
+
+
+@dataclass(frozen=True)
+class Watch:
+    """What the eye is to do from now on.
+
+    Attributes:
+        targets: what it looks for.
+        shown: name of the target whose mask is drawn; empty for none.
+        light: brightness of the simulated lamp, 1 is normal.
+    """
+
+    targets: tuple[ColourTarget, ...]
+    shown: str = ""
+    light: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0.05 <= self.light <= 5:
+            raise InputError(f"light is {self.light}; give 0.05 to 5")
+
+
+@dataclass(frozen=True)
+class Pick:
+    """Tell the colour of what is at a pixel.
+
+    Attributes:
+        u: column [px].
+        v: row [px].
+    """
+
+    u: int
+    v: int
+
+
+class Learned(NamedTuple):
+    """The answer to ``Pick``.
+
+    Attributes:
+        pick: what was asked.
+        hsv: the colour; ``None`` when nothing there stands out.
+    """
+
+    pick: Pick
+    hsv: HsvRange | None
+
+
+class Sight(NamedTuple):
+    """One picture and what was seen in it.
+
+    Attributes:
+        number: how many pictures came before.
+        jpeg: the picture with its frames and labels.
+        mask: the pixels inside the shown target's bounds, as a JPEG; empty when none is shown.
+        view: what was seen.
+    """
+
+    number: int
+    jpeg: bytes
+    mask: bytes
+    view: View
+
+
+TakePicture = Callable[[Watch], Image]
+"""Takes the next picture, as the camera sees it now."""
+
+
+class Eye:
+    """Takes pictures and looks at them."""
+
+    def __init__(self, take: TakePicture, camera: Camera, watch: Watch) -> None:
+        """Open the eye.
+
+        Args:
+            take: takes a picture of the camera's size.
+            camera: the camera.
+            watch: what to look for at first.
+        """
+        self._take, self._camera, self._watch = take, camera, watch
+        self._number = 0
+        self._picture: Image | None = None
+
+    def watch(self, watch: Watch) -> None:
+        """Look for other things from now on."""
+        self._watch = watch
+
+    def see(self) -> Sight:
+        """Take the next picture and look at it."""
+        picture = self._picture = self._take(self._watch)
+        view = look(picture, self._camera, self._watch.targets)
+        sight = Sight(self._number, _jpeg(annotate(picture, view)), self._mask(picture), view)
+        self._number += 1
+        return sight
+
+    def learn(self, pick: Pick) -> Learned:
+        """Find the colour of what is at a pixel of the last picture."""
+        picture = self._take(self._watch) if self._picture is None else self._picture
+        height, width = picture.shape[:2]
+        if not (0 <= pick.u < width and 0 <= pick.v < height):
+            raise InputError(f"pixel ({pick.u}, {pick.v}) is not in the {width} x {height} picture")
+        return Learned(pick, _colour_at(picture, pick.u, pick.v))
+
+    def _mask(self, picture: Image) -> bytes:
+        shown = [it for it in self._watch.targets if it.name == self._watch.shown]
+        if not shown:
+            return b""
+        inside = shown[0].hsv.mask(blurred_hsv(picture)) > 0
+        dimmed = (picture // 5).astype(np.uint8)
+        dimmed[inside] = picture[inside] // 2 + np.array(_MASK_TINT, np.uint8) // 2
+        return _jpeg(dimmed)
+
+
+def _colour_at(picture: Image, u: int, v: int) -> HsvRange | None:
+    """Return bounds around the colours near a pixel that are like the one at it."""
+    hsv = blurred_hsv(picture)
+    near = hsv[max(v - 4, 0) : v + 5, max(u - 4, 0) : u + 5].reshape(-1, 3).astype(int)
+    hue, saturation, value = (int(part) for part in np.median(near, axis=0))
+    if saturation < 60 or value < 25:
+        return None
+    low = ((hue - 9) % 180, max(saturation - 80, 50), max(value - 110, 25))
+    return HsvRange(low, ((hue + 9) % 180, 255, 255))
+
+
+def _jpeg(picture: Image) -> bytes:
+    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    return data.tobytes()
+
+
+# ---- where pictures come from ------------------------------------------------------------------
+
+
+class DrawnCamera:
+    """The drawn table, which stands still: it is drawn anew only for another light.
+
+    The sensor's noise goes round in a few pictures.
+    """
+
+    def __init__(self, scene: Scene, camera: Camera, seed: int = 0) -> None:
+        """Set the scene; ``seed`` decides the sensor's noise."""
+        self._scene, self._camera = scene, camera
+        self._rng = np.random.default_rng(seed)
+        self._light, self._taken = float("nan"), 0
+        self._pictures: list[Image] = []
+
+    def take(self, watch: Watch) -> Image:
+        """Return the scene under the light that is asked for."""
+        if watch.light != self._light:
+            self._light = watch.light
+            self._pictures = self._draw(watch.light)
+        self._taken += 1
+        return self._pictures[self._taken % len(self._pictures)]
+
+    def _draw(self, brightness: float) -> list[Image]:
+        sun, camera = self._scene.light, self._camera
+        strengths = brightness * sun.strength, brightness * sun.ambient
+        light = Light(sun.direction, *strengths, sun.softness)
+        clean = draw(
+            Scene(self._scene.solids, self._scene.table, light, 0.0),
+            camera.camera_matrix,
+            camera.transform_base_camera,
+            camera.width,
+            camera.height,
+        ).astype(np.float32)
+        sigma = np.float32(self._scene.noise)
+        noisy = (
+            clean + sigma * self._rng.standard_normal(clean.shape, dtype=np.float32)
+            for _ in range(_NOISES)
+        )
+        return [np.clip(each + 0.5, 0, 255).astype(np.uint8) for each in noisy]
+
+
+class SourceCamera:
+    """Pictures of a folder, a video or a device, brought to the camera's size."""
+
+    def __init__(self, frames: Iterator[Frame], camera: Camera) -> None:
+        """Take pictures from frames that have no end."""
+        self._frames, self._size = frames, (camera.width, camera.height)
+
+    def take(self, watch: Watch) -> Image:
+        """Return the next picture."""
+        image = next(self._frames).image
+        if (image.shape[1], image.shape[0]) != self._size:
+            image = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA)
+        return np.asarray(image, dtype=np.uint8)
+
+
+def endless(open_source: Callable[[], Iterator[Frame]]) -> Iterator[Frame]:
+    """Go through a source over and over; end when it gives nothing any more."""
+    while True:
+        empty = True
+        for frame in open_source():
+            empty = False
+            yield frame
+        if empty:
+            return

@@ -1,0 +1,164 @@
+"""The process in which the arm lives, and the handle by which another process reaches it.
+
+The arm's loop waits for nobody: commands are taken when they are there, frames go into a ring,
+and news that nobody reads are dropped. When the other process falls silent or ends, the arm
+brakes and holds.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from typing import NamedTuple
+
+import numpy as np
+
+from arm3dof.errors import ArmError
+from arm3dof.runtime.live import commands as cmd
+from arm3dof.runtime.live.arm import LiveArm
+from arm3dof.runtime.live.child import CONTEXT, Child, offer, received
+from arm3dof.runtime.live.frames import Mode, Ring, frame_type
+from arm3dof.runtime.live.pace import Clock, Pacer, WallClock
+from arm3dof.runtime.live.plants import RigidPlant
+from arm3dof.runtime.parallel import PackedRobot
+
+SILENCE = 1.0
+"""How long the page may say nothing before the arm brakes [s]."""
+_NICE = -10  # the arm goes before the page, where the system lets it
+
+
+@dataclass(frozen=True)
+class ArmSpec:
+    """What the arm's world is made of, as it is sent to its process.
+
+    Attributes:
+        robot: the arm.
+        start: joint positions to begin at [rad].
+        control: the controller to begin with.
+    """
+
+    robot: PackedRobot
+    start: tuple[float, ...]
+    control: cmd.Control = field(default_factory=cmd.Control)
+
+    def build(self) -> LiveArm:
+        """Build the world."""
+        return LiveArm(RigidPlant(self.robot.unpack()), np.array(self.start), self.control)
+
+    def ring(self, make: Callable[..., object] = CONTEXT.RawArray) -> Ring:
+        """Return an empty ring for the frames of this world."""
+        return Ring(frame_type(len(self.start)), make)
+
+
+class News(NamedTuple):
+    """Something that happened in the arm's process, in words.
+
+    Attributes:
+        text: what.
+        bad: whether something that was asked for was not done.
+    """
+
+    text: str
+    bad: bool = False
+
+
+class ArmLoop:
+    """Drives a ``LiveArm`` by a clock, between a source of commands and a ring of frames."""
+
+    def __init__(
+        self,
+        arm: LiveArm,
+        ring: Ring,
+        receive: Callable[[], list[cmd.Command] | None],
+        tell: Callable[[News], None],
+        clock: Clock,
+    ) -> None:
+        """Create a loop.
+
+        Args:
+            arm: what is driven.
+            ring: where its frames go.
+            receive: returns the commands that have come since; ``None`` when nobody is left to
+                send any.
+            tell: takes news, without ever waiting.
+            clock: what time is kept by.
+        """
+        self._arm, self._ring, self._receive, self._tell = arm, ring, receive, tell
+        self._clock, self._pacer = clock, Pacer(clock)
+        self._heard = clock.now()
+        self._alone = False
+
+    def run(self) -> None:
+        """Go on until nobody is left and the arm is at rest."""
+        while not (self._alone and self._arm.mode is Mode.HOLDING):
+            self.tick()
+
+    def tick(self) -> None:
+        """Obey what has come, let one frame pass, and wait for the next."""
+        self._listen()
+        frame_time = self._arm.frame_time
+        frame = self._arm.advance()
+        frame["missed"] = self._pacer.missed
+        frame["lateness"] = self._pacer.wait(frame_time)
+        self._ring.write(frame)
+
+    def _listen(self) -> None:
+        if self._alone:
+            return
+        commands = self._receive()
+        now = self._clock.now()
+        if commands is None:
+            self._alone = True
+            self._arm.stop()
+            return
+        if commands:
+            self._heard = now
+        elif now - self._heard > SILENCE and self._arm.mode in (Mode.RUNNING, Mode.WORKING):
+            self._arm.stop()
+            self._tell(News("the page fell silent, so the arm was stopped", bad=True))
+        for command in commands:
+            self._obey(command)
+
+    def _obey(self, command: cmd.Command) -> None:
+        try:
+            self._arm.obey(command)
+        except ArmError as error:
+            self._tell(News(str(error), bad=True))
+        if isinstance(command, cmd.Stop) and command.why:
+            self._tell(News(command.why, bad=True))
+
+
+class ArmProcess(Child):
+    """The handle of a running arm.
+
+    Attributes:
+        ring: its frames.
+        spec: what its world is made of.
+    """
+
+    def __init__(self, spec: ArmSpec, on_news: Callable[[News], None]) -> None:
+        """Start the process.
+
+        Args:
+            spec: what the world is made of.
+            on_news: called from a thread with what happens there.
+        """
+        self.spec, self.ring = spec, spec.ring()
+        super().__init__("arm3dof-arm", _live, (spec, self.ring), on_news)
+
+
+def _live(spec: ArmSpec, ring: Ring, pipe: Connection) -> None:
+    """Be the arm's process."""
+    with contextlib.suppress(OSError, AttributeError):
+        os.setpriority(os.PRIO_PROCESS, 0, _NICE)
+    arm = spec.build()
+    arm.advance()  # imports and first allocations happen before time counts
+    gc.collect()
+    gc.freeze()
+    gc.disable()  # nothing here makes cycles; a collection would be late for the arm
+    loop = ArmLoop(arm, ring, lambda: received(pipe), lambda news: offer(pipe, news), WallClock())
+    loop.run()

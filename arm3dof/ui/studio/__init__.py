@@ -1,0 +1,1 @@
+"""The studio: one live page on which a person sees, aims, moves, tunes and understands."""

@@ -1,0 +1,70 @@
+"""What every open page is told many times a second: numbers as JSON, pictures as JPEG.
+
+Messages are bytes on one websocket; the first byte says what follows: ``N`` numbers, ``P`` the
+picture, ``M`` its mask. Pictures do not come by a request of their own, for a browser keeps no
+more than six connections to a server, and three tabs with two endless pictures would be stuck.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+
+from arm3dof.model.robot import Robot
+from arm3dof.runtime.live.frames import Frames
+from arm3dof.runtime.live.pace import lateness_percentiles
+from arm3dof.state import Array
+from arm3dof.ui.studio.status import describe, has_arrived
+
+NUMBERS, PICTURE, MASK = b"N", b"P", b"M"
+_THINNED = 2  # of the frames, one in so many is drawn in the charts
+
+
+def numbers_message(
+    frames: Frames, robot: Robot, lateness: Array, extra: Mapping[str, object]
+) -> bytes:
+    """Return what the frames since the last message say.
+
+    Args:
+        frames: new frames, shape (n,), at least one.
+        robot: the arm that they are of.
+        lateness: of the last wake-ups [s].
+        extra: what else is to be told, by name.
+    """
+    last = frames[-1]
+    rows = frames[::-_THINNED][::-1]
+    planned = int(last["plan_rows"])
+    status = describe(last, robot)
+    controlled = frames[frames["control"] == 1]
+    message = {
+        "t": _round(rows["t"], 4),
+        "e": _round(rows["q_target"] - rows["q"], 5),
+        "v": _round(rows["v"], 4),
+        "u": _round(rows["u"], 3),
+        "tau": _round(rows["tau"], 4),
+        "q": _round(last["q"], 5),
+        "q_target": _round(last["q_target"], 5),
+        "tool": _round(last["tool"], 5),
+        "gravity": _round(last["gravity"], 4),
+        "plan_t": _round(last["plan_t"][:planned], 3),
+        "plan_e": _round(last["q_target"] - last["plan_q"][:planned], 5),
+        "step_us": _round(1e6 * controlled["step_time"], 0),
+        "energy": round(float(last["energy"]), 4),
+        "load": round(float(last["load"]), 3),
+        "mode": int(last["mode"]),
+        "paused": bool(last["paused"]),
+        "run": int(last["run"]),
+        "arrived": has_arrived(last),
+        "status": status.text,
+        "tone": status.tone,
+        "missed": int(last["missed"]),
+        "late_ms": {k: round(1e3 * v, 3) for k, v in lateness_percentiles(lateness).items()},
+        **extra,
+    }
+    return NUMBERS + json.dumps(message, separators=(",", ":")).encode()
+
+
+def _round(values: Array, digits: int) -> object:
+    return np.round(np.nan_to_num(values), digits).tolist()

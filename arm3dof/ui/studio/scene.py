@@ -1,0 +1,175 @@
+"""The 3-D view of the live arm: where it is, where it is going, and what pulls at it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm3dof.model.robot import Robot
+from arm3dof.runtime.live.frames import Frames
+from arm3dof.state import Array
+from arm3dof.ui import shapes
+from arm3dof.ui.meshcat_scene import Scene
+from arm3dof.ui.meshcat_window import Command, MeshcatWindow
+from arm3dof.ui.style import COLORS
+from arm3dof.vision.camera import Camera
+from arm3dof.vision.locate import View
+
+_BAR = 0.10  # length of a bar at the torque limit [m]
+_TRAIL = 240  # points of the tool's path that are drawn
+_STRIDE = 0.002  # the tool moves as far before its path grows [m]
+_FRUSTUM = 0.10  # how far the camera's view is drawn [m]
+_CLOUD = 6000  # samples of the reachable region
+_SAME = 1e-10  # [rad]: an arm that moved less looks the same, and its picture may rest
+
+
+class LiveScene:
+    """Draws frames into a window; use it from one thread.
+
+    Attributes:
+        window: the window.
+    """
+
+    def __init__(self, robot: Robot, camera: Camera | None = None) -> None:
+        """Create the scene.
+
+        Args:
+            robot: the arm.
+            camera: the camera, drawn where it stands.
+        """
+        self.window = MeshcatWindow()
+        self._camera = camera
+        self._trail: list[Array] = []
+        self._run = -1
+        self._q: Array | None = None
+        self._q_target: Array | None = None
+        self.change_robot(robot)
+
+    def change_robot(self, robot: Robot) -> None:
+        """Draw another arm in place of the one before."""
+        self._robot = robot.clone()
+        self.window.post(*(shapes.delete(path) for path in ("/robot", "/ghost", "/bars")))
+        self._scene = Scene(self._robot, self.window)
+        self._q = self._q_target = None
+        self.window.post(*self._bars())
+        if self._camera is not None:
+            self.window.post(*_frustum(self._camera))
+
+    def show(self, frame: Frames) -> None:
+        """Show one frame."""
+        if self._q is None or np.abs(self._q - frame["q"]).max() > _SAME:
+            self._q = np.array(frame["q"])
+            self._scene.display(self._q)
+            self.window.post(*self._bar_poses(frame))
+        if self._q_target is None or not np.array_equal(self._q_target, frame["q_target"]):
+            self._q_target = np.array(frame["q_target"])
+            self._scene.show_ghost(self._q_target)
+            self._scene.show_target(self._robot.placement(self._q_target).translation)
+
+    def show_trail(self, frame: Frames) -> None:
+        """Draw the tool's path of the present run a little further."""
+        if frame["run"] != self._run:
+            self._run, self._trail = int(frame["run"]), []
+        tool = np.array(frame["tool"])
+        if not self._trail or np.linalg.norm(tool - self._trail[-1]) > _STRIDE:
+            self._trail = [*self._trail[-_TRAIL:], tool]
+            self._scene.show_path(np.array(self._trail))
+
+    def show_objects(self, view: View) -> None:
+        """Draw what the eye has located, with how far off it may be."""
+        self.window.post(shapes.delete("/seen"))
+        for number, found in enumerate(view.located):
+            spread, axes = np.linalg.eigh(found.covariance_base)
+            transform = np.eye(4)
+            turn = axes * np.sign(np.linalg.det(axes))
+            transform[:3, :3] = turn * (2 * np.sqrt(np.maximum(spread, 1e-8)) + 0.002)
+            transform[:3, 3] = found.p_base
+            path = f"/seen/{number}"
+            look = shapes.material((*_colour_of(found.target), 0.85), "Phong")
+            self.window.post(
+                shapes.draw(path, shapes.sphere(1.0), look), shapes.pose(path, transform)
+            )
+
+    def show_region(self, shown: bool) -> None:
+        """Draw, or hide, where the tool can be inside the joint limits."""
+        self.window.post(shapes.delete("/region"))
+        if shown:
+            self.window.post(*_region(self._robot))
+
+    def _bars(self) -> list[Command]:
+        commands = []
+        for joint in range(self._robot.nv):
+            look = shapes.material((*_rgb(COLORS[joint % len(COLORS)]), 0.9), "Basic")
+            path = f"/bars/{joint}"
+            commands += [
+                shapes.draw(path, shapes.cylinder(0.004, 1.0), look),
+                shapes.set_property(f"{path}/<object>", "castShadow", False),
+            ]
+        return commands
+
+    def _bar_poses(self, frame: Frames) -> list[Command]:
+        """Return where the bars stand: at their joints, as long as gravity's share of the limit."""
+        share = np.abs(frame["gravity"]) / self._robot.limits.tau_max
+        commands = []
+        for joint, name in enumerate(self._robot.joint_names):
+            length = max(_BAR * min(float(share[joint]), 1.2), 1e-4)
+            transform = np.diag([1.0, 1.0, length, 1.0])
+            transform[:3, 3] = self._robot.placement(frame["q"], name).translation
+            transform[2, 3] += 0.03 + length / 2
+            transform[1, 3] += 0.022 * (joint - 1)
+            commands.append(shapes.pose(f"/bars/{joint}", transform))
+        return commands
+
+
+def _frustum(camera: Camera) -> list[Command]:
+    """Return lines from the lens through the picture's corners."""
+    right, bottom = camera.width - 0.5, camera.height - 0.5
+    corners = np.array([(-0.5, -0.5), (right, -0.5), (right, bottom), (-0.5, bottom)])
+    ends = camera.deproject(corners, np.full(4, _FRUSTUM))
+    eye = np.tile(camera.position, (4, 1))
+    lines = np.concatenate(
+        [
+            np.stack([eye, ends], axis=1).reshape(-1, 3),
+            np.stack([ends, np.roll(ends, -1, axis=0)], axis=1).reshape(-1, 3),
+        ]
+    )
+    look = shapes.line_material((0.25, 0.30, 0.36))
+    return [
+        shapes.draw("/camera/frustum", shapes.triangles(lines), look, "LineSegments"),
+        shapes.draw("/camera/lens", shapes.sphere(0.008), shapes.material((0.15, 0.17, 0.2))),
+        shapes.move("/camera/lens", camera.position),
+    ]
+
+
+def _region(robot: Robot) -> list[Command]:
+    """Return small marks where the tool is at sampled positions, coloured by height."""
+    rng = np.random.default_rng(0)
+    points = np.array(
+        [robot.placement(robot.random_configuration(rng)).translation for _ in range(_CLOUD)]
+    )
+    size = 0.0022
+    arms = size * np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
+    marks = (points[:, None] + arms).reshape(-1, 3)
+    height = (points[:, 2] - points[:, 2].min()) / max(float(np.ptp(points[:, 2])), 1e-9)
+    low, high = np.array(_rgb(COLORS[5])), np.array(_rgb(COLORS[0]))
+    colours = np.repeat(low + (high - low) * (1 - height[:, None]), 6, axis=0)
+    look = shapes.line_material((1, 1, 1, 0.55), vertexColors=True)
+    cloud = shapes.triangles(marks, colors=colours)
+    return [shapes.draw("/region", cloud, look, "LineSegments")]
+
+
+_NAMED = {
+    "red": (0.84, 0.15, 0.12),
+    "green": (0.10, 0.60, 0.25),
+    "blue": (0.13, 0.33, 0.80),
+    "yellow": (0.95, 0.75, 0.10),
+}
+
+
+def _colour_of(target: str) -> tuple[float, float, float]:
+    """Return a colour that goes with a target's name."""
+    return _NAMED.get(target, (0.55, 0.36, 0.64))
+
+
+def _rgb(code: str) -> tuple[float, float, float]:
+    red, green, blue = (int(code[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    return red, green, blue

@@ -1,0 +1,77 @@
+"""The studio as one ASGI application: the page, the 3-D view and the live feed on one port."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+from fastapi import FastAPI
+from nicegui import ui
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from arm3dof.ui.page import HEADERS
+from arm3dof.ui.studio.page import build_page
+from arm3dof.ui.studio.studio import Studio
+
+POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+    "connect-src 'self'; frame-src 'self'; frame-ancestors 'self'; object-src 'none'"
+)
+RECONNECT = 3.0
+"""How long a tab that lost its connection may take to come back as the same tab [s]."""
+_WEB = Path(__file__).parent / "web"
+
+
+def build_site(studio: Studio) -> FastAPI:
+    """Return the application; NiceGUI allows one a process.
+
+    Args:
+        studio: what stands behind the page.
+    """
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    for route in studio.routes():
+        app.router.routes.append(route)
+    for name, kind in (("studio.js", "text/javascript"), ("studio.css", "text/css")):
+        app.router.routes.append(Route(f"/studio/{name}", _asset(name, kind)))
+    app.middleware("http")(_keep_to_itself)
+
+    @ui.page("/", title="arm3dof studio")
+    def page() -> None:
+        build_page(studio)
+
+    ui.run_with(
+        app,
+        title="arm3dof studio",
+        dark=None,
+        language="en-US",
+        tailwind=False,
+        message_history_length=0,
+        reconnect_timeout=RECONNECT,
+        gzip_middleware_factory=None,
+        show_welcome_message=False,
+    )
+    return app
+
+
+async def _keep_to_itself(
+    request: Request, answer: Callable[[Request], Awaitable[Response]]
+) -> Response:
+    """Let no page of this server load from, or be shown in, another."""
+    response = await answer(request)
+    for name, value in HEADERS.items():
+        response.headers.setdefault(name, value)
+    if not request.url.path.startswith("/3d/"):  # that page carries a policy of its own
+        response.headers.setdefault("Content-Security-Policy", POLICY)
+    return response
+
+
+def _asset(name: str, kind: str) -> Callable[[Request], Awaitable[Response]]:
+    body = (_WEB / name).read_bytes()
+
+    async def answer(request: Request) -> Response:
+        return Response(body, media_type=kind, headers=HEADERS)
+
+    return answer

@@ -1,0 +1,203 @@
+"""What stands behind the page: the arm, the eye, the 3-D view and what every tab is told."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+from starlette.routing import BaseRoute, Mount, WebSocketRoute
+
+from arm3dof.errors import ArmError
+from arm3dof.model.library import load_robot
+from arm3dof.model.robot import Robot
+from arm3dof.runtime.live import commands as cmd
+from arm3dof.runtime.live.eye import Learned, Pick, Sight, Watch
+from arm3dof.runtime.live.eye_process import EyeProcess, EyeSpec
+from arm3dof.runtime.live.process import ArmProcess, ArmSpec, News
+from arm3dof.runtime.parallel import PackedRobot
+from arm3dof.ui.broadcast import Broadcast
+from arm3dof.ui.studio import feed
+from arm3dof.ui.studio.controls import Controls
+from arm3dof.ui.studio.scene import LiveScene
+
+VIEW_RATE = 40.0
+"""How often the 3-D view is moved [1/s]; the charts get half of it."""
+_TRAIL_RATE = 5.0  # [1/s]
+_LATENESS_KEPT = 3600  # wake-ups, a minute of them
+_NEWS_KEPT = 50
+_LOST = "the tab that held the controls is gone, so the arm was stopped"
+
+
+class Studio:
+    """Runs the arm and the eye in their processes and tells the page what they do.
+
+    Attributes:
+        source: name or path of the robot.
+        robot: the arm as it is now.
+        overrides: URDF parameters that differ from the robot's file.
+        out: the only folder that is written to.
+        arm: the arm's process.
+        eye: the eye's process.
+        scene: the 3-D view.
+        controls: who holds the controls.
+        sight: the last picture; ``None`` before the first.
+        learned: the last colour that was learned by a click.
+        news: what happened, newest last, each with its number.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        robot: Robot,
+        start: ArrayLike,
+        eye: EyeSpec,
+        out: Path,
+        *,
+        overrides: Mapping[str, float] | None = None,
+    ) -> None:
+        """Start the processes; ``close`` ends them.
+
+        Args:
+            source: what the robot was loaded from.
+            robot: the arm.
+            start: joint positions to begin at, shape (nv,) [rad].
+            eye: what the eye looks through.
+            out: the folder that files are written to.
+            overrides: URDF parameters that it was loaded with.
+        """
+        self.source, self.robot, self.out = source, robot, out
+        self.overrides = dict(overrides or {})
+        self.news: deque[tuple[int, News]] = deque(maxlen=_NEWS_KEPT)
+        self.sight: Sight | None = None
+        self.learned: Learned | None = None
+        self.watch, self.control = eye.watch, cmd.Control()
+        self._numbered = 0
+        self.arm = ArmProcess(
+            ArmSpec(PackedRobot.of(robot), tuple(np.asarray(start, float).tolist()), self.control),
+            self._hear,
+        )
+        self.eye = EyeProcess(eye, self._see)
+        self.scene = LiveScene(robot, eye.camera)
+        self.live = Broadcast(lambda: b"")
+        self.controls = Controls(self._lost)
+        self._version = 0
+        self._scene_lock = threading.Lock()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._show, name="arm3dof-studio", daemon=True)
+        self._thread.start()
+
+    # ---- what the page asks for --------------------------------------------------------------
+
+    def ask(self, command: cmd.Command) -> None:
+        """Send a command to the arm.
+
+        Raises:
+            ArmError: its process has ended.
+        """
+        if isinstance(command, cmd.Control):
+            self.control = command
+        self.arm.send(command)
+
+    def look_for(self, watch: Watch) -> None:
+        """Let the eye look for other things."""
+        self.watch = watch
+        self.eye.send(watch)
+
+    def pick(self, pick: Pick) -> None:
+        """Let the eye learn the colour at a pixel; ``learned`` will have it."""
+        self.eye.send(pick)
+
+    def rebuild(self, overrides: Mapping[str, float]) -> None:
+        """Change the arm's parameters: rebuild it, draw it, and go on with it.
+
+        Raises:
+            ArmError: a parameter is impossible; everything stays as it is.
+        """
+        robot = load_robot(self.source, overrides=dict(overrides) or None)
+        self._version += 1
+        self.arm.send(cmd.Rebuild(PackedRobot.of(robot), self._version))
+        with self._scene_lock:
+            self.robot, self.overrides = robot, dict(overrides)
+            self.scene.change_robot(robot)
+
+    def show_region(self, shown: bool) -> None:
+        """Draw or hide the reachable region."""
+        with self._scene_lock:
+            self.scene.show_region(shown)
+
+    def alive(self) -> None:
+        """Tell the arm that the page is there."""
+        self.arm.send(cmd.Alive())
+
+    def routes(self) -> list[BaseRoute]:
+        """Return the routes of the 3-D view and of the numbers and pictures."""
+        return [
+            Mount("/3d", routes=self.scene.window.routes()),
+            WebSocketRoute("/live", self.live.endpoint),
+        ]
+
+    def close(self) -> None:
+        """End everything: the arm brakes first."""
+        self._stopping.set()
+        self._thread.join()
+        self.arm.close()
+        self.eye.close()
+
+    # ---- what comes back -----------------------------------------------------------------------
+
+    def _hear(self, news: News) -> None:
+        self._numbered += 1
+        self.news.append((self._numbered, news))
+
+    def _see(self, message: Sight | Learned | News) -> None:
+        if isinstance(message, News):
+            self._hear(message)
+        elif isinstance(message, Learned):
+            self.learned = message
+        else:
+            self.sight = message
+            self.live.send(feed.PICTURE + message.jpeg)
+            if message.mask:
+                self.live.send(feed.MASK + message.mask)
+
+    def _lost(self) -> None:
+        try:
+            self.arm.send(cmd.Stop(_LOST))
+        except ArmError as error:
+            self._hear(News(str(error), bad=True))
+
+    def _show(self) -> None:
+        """Move the 3-D view and feed the tabs until the end; runs in a thread of its own."""
+        count, told, shown_sight, due = 0, 0, -1, time.monotonic()
+        lateness: deque[float] = deque(maxlen=_LATENESS_KEPT)
+        pending = []
+        turn = 0
+        while not self._stopping.wait(max(due - time.monotonic(), 0.0)):
+            due = max(due + 1 / VIEW_RATE, time.monotonic())
+            count, frames = self.arm.ring.since(count)
+            if not len(frames):
+                continue
+            lateness.extend(frames["lateness"].tolist())
+            pending.append(frames)
+            turn += 1
+            with self._scene_lock:
+                self.scene.show(frames[-1])
+                if turn % round(VIEW_RATE / _TRAIL_RATE) == 0:
+                    self.scene.show_trail(frames[-1])
+                    sight = self.sight
+                    if sight is not None and sight.number != shown_sight:
+                        shown_sight = sight.number
+                        self.scene.show_objects(sight.view)
+            if turn % 2 == 0:
+                told += 1
+                extra = {"holder": self.controls.holder, "tabs": self.controls.tabs}
+                message = feed.numbers_message(
+                    np.concatenate(pending), self.robot, np.array(lateness), extra
+                )
+                self.live.send(message)
+                pending = []

@@ -1,0 +1,80 @@
+"""The controls of the page in one style, each with a tooltip that says its unit and effect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from nicegui import ui
+
+
+@dataclass(frozen=True)
+class Field:
+    """A number that a person may choose.
+
+    Attributes:
+        key: its name in the code.
+        label: its name on the page.
+        unit: its unit; empty for a pure number.
+        low: least value.
+        high: greatest value.
+        step: distance of neighbouring values.
+        tip: what it does.
+    """
+
+    key: str
+    label: str
+    unit: str
+    low: float
+    high: float
+    step: float
+    tip: str
+
+    @property
+    def tooltip(self) -> str:
+        """Return what the pointer shows: the effect, then the unit."""
+        return f"{self.tip} [{self.unit}]" if self.unit else self.tip
+
+
+def button(
+    text: str, icon: str, tip: str, on_click: Callable[[], Any], *, color: str = "primary"
+) -> ui.button:
+    """Return a button with a tooltip; one without a text is named by it."""
+    made = ui.button(text, icon=icon or None, on_click=on_click, color=color)
+    made.props("no-caps unelevated dense")
+    if not text:
+        made.props(f'aria-label="{tip}" flat round')
+    with made:
+        ui.tooltip(tip)
+    return made
+
+
+def heading(text: str) -> None:
+    """Begin a part of a panel."""
+    ui.html(f"<h2>{text}</h2>", sanitize=False)
+
+
+def slider(field: Field, value: float, on_release: Callable[[float], Any]) -> ui.slider:
+    """Return a labelled slider with its number beside it; it acts when it is let go.
+
+    Args:
+        field: what is chosen.
+        value: the value at first.
+        on_release: called with the value that was chosen.
+    """
+    with ui.element("label").classes("field") as row:
+        ui.tooltip(field.tooltip)
+        ui.html(f"<span>{field.label}</span>", sanitize=False)
+        made = ui.slider(min=field.low, max=field.high, step=field.step, value=value)
+        made.props(f'label-always=false aria-label="{field.label}"')
+        shown = ui.label().classes("value")
+        shown.bind_text_from(made, "value", lambda x: _text(x, field))
+    made.on("change", lambda: on_release(float(made.value)))
+    row.mark(field.key)
+    return made
+
+
+def _text(value: float | None, field: Field) -> str:
+    digits = max(0, len(f"{field.step:g}".partition(".")[2]))
+    return "" if value is None else f"{value:.{digits}f} {field.unit}".strip()
