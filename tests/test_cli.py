@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import arm3dof
-from arm3dof.cli import app, doctor, view
+from arm3dof.cli import app, doctor, serving
 from arm3dof.cli import main as program
 from arm3dof.config.camera_file import load_camera, save_camera
 from arm3dof.model.library import bundled_urdf
@@ -524,7 +524,7 @@ def test_view_opens_a_browser_where_there_is_a_desktop(monkeypatch, run, saved_r
         raise KeyboardInterrupt
 
     monkeypatch.setattr("arm3dof.ui.server.LocalServer.wait", interrupted)
-    monkeypatch.setattr(view.webbrowser, "open", opened.append)
+    monkeypatch.setattr(serving.webbrowser, "open", opened.append)
     monkeypatch.setattr(sys.stdout, "isatty", lambda: desktop)
     monkeypatch.setenv("DISPLAY", ":0")
     code, out, err = run("view", saved_run, "--port", "0")

@@ -127,7 +127,7 @@ class LiveArm:
             raise InputError(
                 f"dt is {settings.dt} s; give a whole number of steps of {self.plant.dt} s"
             )
-        controller = _controller(self._model, control.controller, settings)
+        controller = _controller(self._model, control, settings)
         holder = MpcController(self._model, MpcSettings(dt=settings.dt))
         count = max(1, round(settings.dt * FRAME_RATE))
         self._schedule = np.diff(np.round(np.linspace(0, steps, count + 1)).astype(int))
@@ -258,15 +258,15 @@ class LiveArm:
         frame["plan_t"][: rows.size] = frame["t"] + rows * self._controller.dt
 
 
-def _controller(robot: Robot, name: cmd.ControllerName, settings: MpcSettings) -> Controller:
-    match name:
+def _controller(robot: Robot, control: cmd.Control, settings: MpcSettings) -> Controller:
+    match control.controller:
         case "mpc":
             return MpcController(robot, settings)
         case "computed-torque":
             return baselines.computed_torque(robot, settings.dt)
         case "pd-gravity":
-            return baselines.pd_gravity(robot, settings.dt)
+            return baselines.pd_gravity(robot, settings.dt, control.gains)
         case "pid":
-            return baselines.pid(robot, settings.dt)
+            return baselines.pid(robot, settings.dt, control.gains)
         case "pd":
-            return baselines.pd(robot, settings.dt)
+            return baselines.pd(robot, settings.dt, control.gains)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 from arm3dof.control.settings import MpcSettings
+from arm3dof.control.tuning import Gains
 from arm3dof.errors import InputError
 from arm3dof.runtime.parallel import PackedRobot
 
@@ -135,11 +136,14 @@ class Control:
         mpc: settings of ``MpcSettings`` that differ from its defaults, by name.
         delay: time from a command to its torque in the simulated motors [s]; the controller is
             told of it through ``mpc["delay"]`` or not at all.
+        gains: what PD, PD + gravity and PID need; they take seconds to find, which the arm does
+            not have, so they come along.
     """
 
     controller: ControllerName = "mpc"
     mpc: Mapping[str, Any] = field(default_factory=dict)
     delay: float = 0.0
+    gains: Gains | None = None
 
     def __post_init__(self) -> None:
         if self.controller not in CONTROLLERS:
@@ -149,7 +153,14 @@ class Control:
         _finite("the delay", self.delay)
         if not 0 <= self.delay <= 0.5:
             raise InputError(f"the delay is {self.delay} s; give 0 to 0.5 s")
+        if self.needs_gains and self.gains is None:
+            raise InputError(f"{self.controller} has no gains; give those of tune_gains")
         self.settings()
+
+    @property
+    def needs_gains(self) -> bool:
+        """Whether the controller has gains that are found by ``tune_gains``."""
+        return self.controller in ("pd", "pd-gravity", "pid")
 
     def settings(self) -> MpcSettings:
         """Return the settings of model predictive control.

@@ -110,7 +110,7 @@ setInterval(() => quality.rest(), 250);
 
 // ---- night: a dark background for a dark page, called by the page around this one ----------------
 
-const night = {
+var night = { // var: the page around this one reaches it
   dark: false,
   sky: [[0.957, 0.969, 0.98], [0.13, 0.17, 0.21]], ground: [[0.79, 0.83, 0.87], [0.06, 0.08, 0.10]],
 

@@ -139,11 +139,11 @@ const night = {
   look() {
     const dark = document.body.classList.contains("body--dark");
     const view = byId("view").contentWindow;
-    const ready = facts.joints.length && charts.get("tau") && view.eval && view.document.readyState === "complete";
+    const ready = facts.joints.length && charts.get("tau") && view.night;
     if (dark === this.dark || !ready) return;
     this.dark = dark;
     charts.dress();
-    view.eval(`night.set(${dark})`);
+    view.night.set(dark);
   },
 };
 setInterval(() => byId("view") && night.look(), 200);
