@@ -19,7 +19,7 @@ from arm3dof.sim.events import (
     joint_axis,
     share_of_step,
 )
-from arm3dof.sim.pinocchio_plant import PinocchioPlant
+from arm3dof.sim.plant import DisturbablePlant
 from arm3dof.state import Array, JointState, finite_vector
 
 __all__ = ["DisturbedPlant", "JointTorque", "PayloadChange", "Push", "Wrench"]
@@ -43,7 +43,7 @@ class DisturbedPlant:
 
     def __init__(
         self,
-        plant: PinocchioPlant,
+        plant: DisturbablePlant,
         *,
         payloads: Sequence[PayloadChange] = (),
         pushes: Sequence[Push] = (),

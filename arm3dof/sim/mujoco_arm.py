@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 
@@ -14,6 +13,7 @@ from arm3dof.model.gripper import Gripper
 from arm3dof.model.robot import Robot
 from arm3dof.model.tree import bodies
 from arm3dof.model.urdf import Urdf, read_urdf
+from arm3dof.sim.engine import mujoco
 from arm3dof.state import Array
 
 ROBOT, STATIC, LOOSE, SEEN = 1, 2, 4, 0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from arm3dof.sim.engine import mujoco
 from arm3dof.sim.table import Table
 from arm3dof.sim.world import World
 
@@ -54,8 +54,11 @@ def _add_light(spec: mujoco.MjSpec, brightness: float) -> None:
         specular=np.full(3, 0.3 * brightness),
         castshadow=True,
     )
-    spec.visual.map.shadowclip = 0.8
-    spec.stat.extent, spec.stat.center = 0.6, (0.12, 0.0, -0.05)
+    # shadows reach as far as the table does, and are laid out about the arm
+    spec.visual.map.shadowclip = 1.0
+    spec.stat.extent, spec.stat.center = 1.0, (0.15, 0.0, -0.05)
+    quality = spec.visual.quality
+    quality.numslices, quality.numstacks, quality.numquads = 32, 2, 1
 
 
 @lru_cache(maxsize=8)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm3dof.errors import InputError
 from arm3dof.model.gripper import Gripper, find_gripper, with_free_gripper
 from arm3dof.model.robot import Robot
+from arm3dof.sim.engine import mujoco
 from arm3dof.sim.mujoco_arm import set_inertias
 from arm3dof.sim.mujoco_world import GRIPPER, build_model
 from arm3dof.sim.plant import Drive

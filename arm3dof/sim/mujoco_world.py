@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 
-import mujoco
-
 from arm3dof.model.gripper import Gripper
 from arm3dof.model.robot import Robot
+from arm3dof.sim.engine import mujoco
 from arm3dof.sim.mujoco_arm import FIRM, HARD, LOOSE, ROBOT, SEEN, STATIC, VISIBLE, add_arm
 from arm3dof.sim.mujoco_looks import MATTE, WOOD, add_looks
 from arm3dof.sim.world import Bin, Body, World
 
 GRIPPER = "gripper servo"
 _GRIPPER_STIFFNESS = 4000.0  # N/m at the driven finger: 5 mm off is full force
+_GRIPPER_DAMPING = 14.0  # N s/m: with the guides' it keeps the fingers from overshooting
 _WALL = 0.003  # thickness of a bin's walls [m]
 
 
@@ -34,7 +34,7 @@ def build_model(
     spec.option.gravity = robot.gravity_acceleration
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = 10.0  # friction is stiffer than pressing, so that what is held stays
+    spec.option.impratio = 100.0  # stiff friction: what is held creeps by 0.05 mm in 10 s
     spec.option.iterations = 30
     spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
     spec.compiler.degree, spec.compiler.autolimits = False, False
@@ -60,7 +60,7 @@ def _add_gripper(spec: mujoco.MjSpec, gripper: Gripper, robot: Robot) -> None:
     """Add the gripper's position servo, and what keeps its fingers together."""
     servo = spec.add_actuator(name=GRIPPER, target=gripper.driven.joint)
     servo.trntype = mujoco.mjtTrn.mjTRN_JOINT
-    servo.set_to_position(kp=_GRIPPER_STIFFNESS, kv=0.0)
+    servo.set_to_position(kp=_GRIPPER_STIFFNESS, kv=_GRIPPER_DAMPING)
     servo.forcelimited, servo.forcerange = True, (-gripper.effort, gripper.effort)
     follow = spec.add_equality(
         name="fingers",

@@ -9,11 +9,11 @@ from functools import lru_cache
 from importlib import import_module
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from arm3dof.errors import ArmError
+from arm3dof.sim.engine import mujoco
 from arm3dof.state import Array
 
 Image = NDArray[np.uint8]

@@ -207,8 +207,8 @@ class Region:
         return radius * math.cos(bearing), radius * math.sin(bearing)
 
 
-_TRIES = 2000  # draws of one place before the others are drawn anew
-_RESTARTS = 50
+_TRIES = 300  # draws of one place before the others are drawn anew
+_RESTARTS = 30
 
 
 def scatter(

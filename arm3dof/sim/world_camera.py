@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from types import TracebackType
 
-import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from arm3dof.errors import InputError
+from arm3dof.sim.engine import mujoco
 from arm3dof.sim.lens import Lens
 from arm3dof.sim.mujoco_plant import MujocoPlant
 from arm3dof.sim.renderer import Image, Renderer
