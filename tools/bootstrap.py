@@ -23,6 +23,9 @@ LIBRARIES = {
     "libgomp.so.1": "libgomp1",
 }
 
+# what MuJoCo draws with where there is no screen: EGL by Mesa, on the processor
+RENDERER = ("libegl1", "libegl-mesa0", "libgl1-mesa-dri", "libopengl0")
+
 
 def main(extras):
     """Create the environment when there is none, then install the package with ``extras``."""
@@ -37,6 +40,8 @@ def main(extras):
     pins = ("-c", ROOT / "constraints.txt")
     run(python, "-m", "pip", "install", "--quiet", *pins, "--editable", f"{ROOT}{wanted}")
     check_libraries(str(python), "-c", "import pinocchio, proxsuite, cv2")
+    if "physics" in extras:
+        check_renderer(str(python))
 
 
 def check_version():
@@ -69,19 +74,31 @@ def check_libraries(*command):
         install(LIBRARIES.get(library, library), f"the library {library} is missing")
 
 
+def check_renderer(python):
+    """Make sure that the physics world can be drawn: by EGL, or by OSMesa."""
+    probe = [python, "-c", "from arm3dof.sim.renderer import backend; backend()"]
+    for last in (False, True):
+        done = subprocess.run(probe, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+        if done.returncode == 0:
+            return
+        if not last:
+            install(" ".join(RENDERER), "nothing to draw the physics world with")
+    stop(done.stderr.strip().splitlines()[-1])
+
+
 def can_install():
     """Return whether this process may install packages of the system."""
     return os.geteuid() == 0 and shutil.which("apt-get") is not None
 
 
-def install(package, why):
-    """Install a package of the system when that is allowed, else stop with the cure."""
+def install(packages, why):
+    """Install packages of the system, named in one line, when that is allowed, else stop."""
     if not can_install():
-        stop(f"{why}; install {package} (Debian and Ubuntu: sudo apt-get install {package})")
-    say(f"{why}: installing {package}")
+        stop(f"{why}; install {packages} (Debian and Ubuntu: sudo apt-get install {packages})")
+    say(f"{why}: installing {packages}")
     os.environ["DEBIAN_FRONTEND"] = "noninteractive"
     run("apt-get", "update", "-qq")
-    run("apt-get", "install", "-y", "-qq", "--no-install-recommends", package)
+    run("apt-get", "install", "-y", "-qq", "--no-install-recommends", *packages.split())
 
 
 def dotted(version):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
@@ -17,7 +18,9 @@ from arm3dof.model.uncertainty import perturbed
 from arm3dof.runtime.experiment import PlantFactory
 from arm3dof.sim.disturbance import DisturbedPlant, Push, Wrench
 from arm3dof.sim.pinocchio_plant import PinocchioPlant
-from arm3dof.sim.plant import Plant
+from arm3dof.sim.plant import DisturbablePlant, Plant
+from arm3dof.sim.table import Table
+from arm3dof.sim.world import World
 
 PayloadKg = Annotated[
     float,
@@ -64,6 +67,27 @@ Seed = Annotated[
 ]
 
 
+class Engine(StrEnum):
+    """What simulates the arm."""
+
+    PINOCCHIO = "pinocchio"
+    MUJOCO = "mujoco"
+
+    def note(self) -> dict[str, str]:
+        """Return what a recording is to remember: the engine, where it is not the usual one."""
+        return {} if self is Engine.PINOCCHIO else {"plant": self.value}
+
+
+PlantName = Annotated[
+    Engine,
+    typer.Option(
+        "--plant",
+        help="What simulates the arm, in free space: MuJoCo moves the gripper too, stops joints "
+        "at their ends and needs the extra 'physics'.",
+    ),
+]
+
+
 @dataclass(frozen=True)
 class Disturbances:
     """What the options say, as they were typed.
@@ -95,16 +119,21 @@ class Disturbances:
             if value
         }
 
-    def plant_of(self, robot: Robot, duration: float) -> PlantFactory:
+    def plant_of(
+        self, robot: Robot, duration: float, engine: Engine = Engine.PINOCCHIO
+    ) -> PlantFactory:
         """Return what makes the plant, with every option checked.
 
         Args:
             robot: the robot as the controller knows it.
             duration: length of the run [s].
+            engine: what simulates the arm.
 
         Raises:
             InputError: a value is not what its option asks for.
+            MissingExtra: the engine is not installed.
         """
+        bare_plant = _maker(engine)
         for_model, for_noise = np.random.default_rng(self.seed).spawn(2)
         moves = [_push(robot, text, duration) for text in self.pushes]
         forces = [_wrench(text, duration) for text in self.wrenches]
@@ -118,7 +147,7 @@ class Disturbances:
 
         def make_plant(_: Robot, dt: float) -> Plant:
             return DisturbedPlant(
-                PinocchioPlant(truth, dt),
+                bare_plant(truth, dt),
                 pushes=moves,
                 wrenches=forces,
                 delay=self.delay_ms / 1000,
@@ -127,6 +156,16 @@ class Disturbances:
             )
 
         return make_plant
+
+
+def _maker(engine: Engine) -> Callable[[Robot, float], DisturbablePlant]:
+    if engine is Engine.PINOCCHIO:
+        return PinocchioPlant
+    from arm3dof.sim.mujoco_plant import MujocoPlant  # an extra, and slow to import
+
+    # where a robot's table is, its URDF does not say: there is nothing within reach
+    free = World(table=Table(height=-100.0))
+    return lambda robot, dt: MujocoPlant(robot, free, dt=dt)
 
 
 def _push(robot: Robot, text: str, duration: float) -> Push:

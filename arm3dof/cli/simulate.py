@@ -15,9 +15,11 @@ from arm3dof.cli import output
 from arm3dof.cli.disturb import (
     DelayMs,
     Disturbances,
+    Engine,
     ModelError,
     NoiseDeg,
     PayloadKg,
+    PlantName,
     Pushes,
     Seed,
     Wrenches,
@@ -85,6 +87,7 @@ def simulate(
     duration: Annotated[
         float, typer.Option(metavar="S", help="Simulated seconds.")
     ] = experiment.PAPER_DURATION,
+    plant: PlantName = Engine.PINOCCHIO,
     payload_kg: PayloadKg = 0.0,
     pushes: Pushes = None,
     wrenches: Wrenches = None,
@@ -114,7 +117,7 @@ def simulate(
     disturbances = Disturbances(
         payload_kg, pushes or (), wrenches or (), model_error, noise_deg, delay_ms, seed
     )
-    make_plant = disturbances.plant_of(arm, duration)
+    make_plant = disturbances.plant_of(arm, duration, plant)
     if folder is not None:
         writable(folder)
     with control_steps("simulating", duration, dt) as observer:
@@ -125,7 +128,7 @@ def simulate(
             settings=settings,
             duration=duration,
             observers=[observer],
-            notes=disturbances.notes(),
+            notes=disturbances.notes() | plant.note(),
             make_plant=make_plant,
         )
     metrics = summarise(recording)

@@ -152,24 +152,29 @@ class MujocoPlant:
         Raises:
             InputError: a torque or the wrench has another shape or is not finite.
         """
-        nv, limit = self.robot.nv, self.robot.limits.tau_max
-        asked = finite_vector(tau, nv, "tau")
+        limit = self.robot.limits.tau_max
+        asked = finite_vector(tau, self.robot.nv, "tau")
         if self._servo is not None:
             state = self.state
             asked = self._servo.torque(asked, state.q, state.v, state.t)
-        self._applied = finite_vector(np.clip(asked, -limit, limit), nv, "tau")
+        self._applied = np.minimum(np.maximum(asked, -limit), limit)
+        self._applied.flags.writeable = False
         self.data.ctrl[self._motors] = self._applied
-        pushed = np.zeros(nv)
-        if external_torque is not None:
-            pushed += finite_vector(external_torque, nv, "external_torque")
-        if tool_wrench is not None:
-            wrench = finite_vector(tool_wrench, 6, "tool_wrench")
-            pushed += self.robot.jacobian(self.data.qpos[self._q_at]).T @ wrench
-        self.data.qfrc_applied[self._v_at] = pushed
+        self.data.qfrc_applied[self._v_at] = self._push(external_torque, tool_wrench)
         self._move_gripper()
         mujoco.mj_step(self.model, self.data, self._substeps)
         self._steps += 1
         return self.state
+
+    def _push(self, torque: ArrayLike | None, wrench: ArrayLike | None) -> Array | float:
+        """Return what the surroundings do to the joints, shape (nv,) [N m]; 0 for nothing."""
+        pushed: Array | float = 0.0
+        if torque is not None:
+            pushed = finite_vector(torque, self.robot.nv, "external_torque")
+        if wrench is not None:
+            jacobian = self.robot.jacobian(self.data.qpos[self._q_at])
+            pushed = pushed + jacobian.T @ finite_vector(wrench, 6, "tool_wrench")
+        return pushed
 
     def displace(self, change: ArrayLike) -> JointState:
         """Move the joints at once, with their velocities as they are, and return the state.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import sys
 from functools import lru_cache
 from importlib import import_module
 from typing import Any
@@ -132,7 +133,9 @@ def backend() -> tuple[str, Any]:
             with contextlib.suppress(ctypes.ArgumentError):
                 context.free()
         except (ImportError, OSError, RuntimeError, AttributeError, TypeError) as error:
-            reasons.append(f"{name}: {str(error).splitlines()[0] if str(error) else error!r}")
+            reasons.append(f"{name}: {(str(error) or repr(error)).splitlines()[0]}")
+            for module in [m for m in sys.modules if m.partition(".")[0] == "OpenGL"]:
+                del sys.modules[module]  # PyOpenGL settles for one platform when it is imported
             continue
         return name, make
     raise ArmError(f"nothing to draw with on this machine ({'; '.join(reasons)}); {_CURE}")
