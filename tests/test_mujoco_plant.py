@@ -1,7 +1,5 @@
 """The plant with contact: the protocol, the gripper, and what it holds, drops and knocks over."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,6 +11,7 @@ from arm3dof.runtime.loop import run_loop
 from arm3dof.sim.disturbance import DisturbedPlant, PayloadChange, Push, Wrench
 from arm3dof.sim.mujoco_plant import MujocoPlant
 from arm3dof.sim.pinocchio_plant import PinocchioPlant
+from arm3dof.sim.servo import Servo
 from arm3dof.sim.world import COLOURS, Bin, Body, World, scatter
 from arm3dof.state import JointState
 
@@ -154,30 +153,36 @@ def test_a_robot_without_fingers_has_no_gripper():
     np.testing.assert_allclose(plant.state.v, 0.0, atol=1e-3)
 
 
-class LazyDrive:
-    """A drive that gives half of what is asked, with encoders that read 0.1 too much."""
-
-    def __init__(self):
-        self.resets = 0
-
-    def reset(self, state):
-        self.resets += 1
-
-    def torque(self, command, q, v, t):
-        return 0.5 * command
-
-    def measure(self, state):
-        return replace(state, q=state.q + 0.1)
+SERVOS = {
+    "ideal": Servo(1.96, 7.5),
+    "sticky": Servo(1.96, 7.5, friction=0.05, damping=0.02),
+    "coarse": Servo(1.96, 7.5, resolution=0.01, delay=0.01),
+    "worn": Servo(1.96, 7.5, backlash=np.deg2rad(1.0), encoder="motor"),
+}
 
 
-def test_a_servo_stands_between_commands_and_joints(robot):
-    drive = LazyDrive()
-    plant = MujocoPlant(robot, servo=drive)
-    plant.reset(at([0.1, 0.2, 0.3]))
-    assert drive.resets == 2  # when it was made, and now
-    plant.step([0.2, 0.4, 0.6])
-    np.testing.assert_allclose(plant.applied_torque, [0.1, 0.2, 0.3])
-    np.testing.assert_allclose(plant.measure().q, plant.state.q + 0.1)
+@pytest.mark.parametrize("name", SERVOS)
+def test_servos_do_here_what_they_do_in_pinocchios_plant(robot, name):
+    servo, q = SERVOS[name], np.array([0.3, 0.9, -0.6])
+    moved, measured = [], []
+    for plant in (MujocoPlant(robot, servo=servo), PinocchioPlant(robot, servo=servo)):
+        plant.reset(at(q))
+        for step in range(150):
+            plant.step(robot.gravity(q) + np.array([0.15, 0.10, -0.08]) * (step < 100))
+        moved.append(plant.state.q)
+        measured.append(plant.measure().q)
+    assert np.abs(moved[1] - q).max() > 0.05
+    np.testing.assert_allclose(moved[0], moved[1], atol=0.01)
+    np.testing.assert_allclose(measured[0], measured[1], atol=0.02)
+
+
+def test_a_sticky_servo_holds_what_friction_can_hold(robot):
+    plant = MujocoPlant(robot, servo=Servo(1.96, 7.5, friction=0.1))
+    q = np.array([0.3, 0.9, -0.6])
+    plant.reset(at(q))
+    for _ in range(1000):
+        plant.step(robot.gravity(q) + 0.08)
+    np.testing.assert_allclose(plant.state.q, q, atol=2e-3)
 
 
 # ---- disturbances ------------------------------------------------------------------------------

@@ -66,6 +66,7 @@ def add_arm(spec: mujoco.MjSpec, robot: Robot, gripper: Gripper | None, grip: fl
             limited=limited,
             range=(joint.lower, joint.upper) if limited else (0.0, 0.0),
             solref_limit=_END_STOP,
+            solref_friction=FIRM,
             damping=damping(joint.damping),
             frictionloss=joint.friction,
         )

@@ -14,7 +14,7 @@ from arm3dof.model.robot import Robot
 from arm3dof.sim.engine import mujoco
 from arm3dof.sim.mujoco_arm import set_inertias
 from arm3dof.sim.mujoco_world import GRIPPER, build_model
-from arm3dof.sim.plant import Drive
+from arm3dof.sim.servo import Servo, holding_torque
 from arm3dof.sim.world import World
 from arm3dof.state import Array, JointState, finite_vector
 
@@ -60,7 +60,8 @@ class MujocoPlant:
         world: World | None = None,
         *,
         dt: float = 0.001,
-        servo: Drive | None = None,
+        servo: Servo | None = None,
+        rng: np.random.Generator | None = None,
     ) -> None:
         """Create a plant at the middle of the joint range, at rest, with its gripper open.
 
@@ -68,15 +69,20 @@ class MujocoPlant:
             robot: the robot to simulate.
             world: what stands around it; an empty table without one.
             dt: time of one step [s]; the integrator takes several where it exceeds 2 ms.
-            servo: what lies between the commands and the joints; perfect motors without one.
+            servo: what stands between a command and the joints, and between the joints and their
+                measurement; without one motors and encoders are ideal. The gripper's servo is
+                another.
+            rng: source of the encoders' noise; needed where there is some.
 
         Raises:
-            InputError: ``dt`` is not positive.
+            InputError: ``dt`` is not positive, the servo has another number of joints, or its
+                noise has no source.
         """
         if not (math.isfinite(dt) and dt > 0):
             raise InputError(f"dt is {dt!r}; give a positive number of seconds")
         self.world = World() if world is None else world
-        self._dt, self._servo = float(dt), servo
+        self._dt = float(dt)
+        self._drive = None if servo is None else servo.drive(robot, self._dt, rng)
         self._substeps = math.ceil(dt / _LONGEST - 1e-9)
         self.robot = robot.clone()
         self._gripper = find_gripper(robot)
@@ -86,6 +92,9 @@ class MujocoPlant:
         self._q_at = np.array([self.model.joint(j).qposadr[0] for j in robot.joint_names])
         self._v_at = np.array([self.model.joint(j).dofadr[0] for j in robot.joint_names])
         self._motors = np.array([self.model.actuator(j).id for j in robot.joint_names])
+        if self._drive is not None:
+            self.model.dof_frictionloss[self._v_at] += self._drive.friction
+            self.model.dof_damping[self._v_at] += self._drive.damping
         low, high = robot.limits.q_min, robot.limits.q_max
         middle = np.where(np.isfinite(low) & np.isfinite(high), low / 2 + high / 2, 0.0)
         self.reset(JointState(0.0, middle, np.zeros(robot.nv)))
@@ -109,8 +118,8 @@ class MujocoPlant:
         return self._applied
 
     def measure(self) -> JointState:
-        """Return the present state as the servos' encoders tell it."""
-        return self.state if self._servo is None else self._servo.measure(self.state)
+        """Return the present state as the servos' encoders tell it; without servos, as it is."""
+        return self.state if self._drive is None else self._drive.measure(self.state)
 
     def reset(self, state: JointState) -> JointState:
         """Place the arm in a state, everything else as the world says, and return the state.
@@ -131,8 +140,8 @@ class MujocoPlant:
         self._applied = finite_vector(np.zeros(self.robot.nv), self.robot.nv, "tau")
         if self._gripper is not None:
             self._set_fingers(self._gripper.q_open)
-        if self._servo is not None:
-            self._servo.reset(state)
+        if self._drive is not None:
+            self._drive.reset(state, holding_torque(self.robot, state.q))
         return self.state
 
     def step(
@@ -145,7 +154,8 @@ class MujocoPlant:
         """Hold a torque for ``dt`` and return the state after it.
 
         Args:
-            tau: torque asked of the motors, shape (nv,) [N m]; they give it up to their limits.
+            tau: torque of the motors, or what the servos are commanded, shape (nv,) [N m]; it
+                acts up to the robot's limits.
             external_torque: torque that the surroundings add at the joints, shape (nv,) [N m].
             tool_wrench: force [N] and torque [N m] on the tool in base axes, shape (6,).
 
@@ -154,9 +164,8 @@ class MujocoPlant:
         """
         limit = self.robot.limits.tau_max
         asked = finite_vector(tau, self.robot.nv, "tau")
-        if self._servo is not None:
-            state = self.state
-            asked = self._servo.torque(asked, state.q, state.v, state.t)
+        if self._drive is not None:
+            asked = self._drive.torque(asked, self.data.qvel[self._v_at])
         self._applied = np.minimum(np.maximum(asked, -limit), limit)
         self._applied.flags.writeable = False
         self.data.ctrl[self._motors] = self._applied
@@ -164,6 +173,7 @@ class MujocoPlant:
         self._move_gripper()
         mujoco.mj_step(self.model, self.data, self._substeps)
         self._steps += 1
+        self.measure()  # the encoders read every step, whether or not anybody asks
         return self.state
 
     def _push(self, torque: ArrayLike | None, wrench: ArrayLike | None) -> Array | float:

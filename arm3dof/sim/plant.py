@@ -62,26 +62,3 @@ class DisturbablePlant(Plant, Protocol):
 
     def change_robot(self, robot: Robot) -> None:
         """Go on with another robot of as many joints, such as one that took up a payload."""
-
-
-class Drive(Protocol):
-    """What lies between a command and a joint: motors, gears and encoders, with their faults.
-
-    A plant that is given one asks it once a step, and measures through it.
-    """
-
-    def reset(self, state: JointState) -> None:
-        """Forget the past; the arm was placed in ``state``."""
-
-    def torque(self, command: Array, q: Array, v: Array, t: float) -> Array:
-        """Return the torque that reaches the joints, shape (nv,) [N m].
-
-        Args:
-            command: what the controller asked for, shape (nv,) [N m].
-            q: true joint positions, shape (nv,) [rad].
-            v: true joint velocities, shape (nv,) [rad/s].
-            t: plant time [s].
-        """
-
-    def measure(self, state: JointState) -> JointState:
-        """Return a true state as the encoders tell it; asked twice, the same."""
