@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -203,6 +203,23 @@ class Robot:
         index = self._frame_id(frame or self.tool_frame)
         pin.forwardKinematics(self._model, self._data, self._vector(q, "q"))
         return pin.updateFramePlacement(self._model, self._data, index).copy()
+
+    def placements(self, q: ArrayLike, frames: Sequence[str]) -> list[pin.SE3]:
+        """Return the poses of some frames in the base frame.
+
+        Args:
+            q: joint positions, shape (nv,) [rad].
+            frames: their names.
+
+        Raises:
+            FrameNotFound: the robot has no such frame.
+            InputError: ``q`` has another shape.
+        """
+        indices = [self._frame_id(frame) for frame in frames]
+        pin.forwardKinematics(self._model, self._data, self._vector(q, "q"))
+        return [
+            pin.updateFramePlacement(self._model, self._data, index).copy() for index in indices
+        ]
 
     def jacobian(self, q: ArrayLike, frame: str | None = None) -> Array:
         """Return the frame's Jacobian along the base axes, linear rows first, shape (6, nv).

@@ -1,0 +1,7 @@
+"""What an arm is told to do: grasp an object and place it, or sort all of them.
+
+``machine`` has the states and what leads from one to the next, ``gripping`` says which things can
+be grasped, ``clearance`` and ``route`` keep the arm off the table and off other things,
+``pick_and_place`` is the task itself, ``goals`` says what it is for, ``sight`` is its eye in
+simulation, and ``run`` joins all of it to a plant.
+"""

@@ -1,0 +1,402 @@
+"""The task itself: from what the eye sees and the joints say to where the arm is to go next.
+
+``tick`` is asked once a control step. It never waits and never blocks: pictures come when they
+come, and until then the arm holds where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from arm3dof.control.reference import JointTrajectory, Target
+from arm3dof.runtime.tasks.goals import Goal, Job
+from arm3dof.runtime.tasks.gripping import ROOM, Gripping
+from arm3dof.runtime.tasks.machine import TRANSITIONS, Event, Failure, Phase, Refusal, Step
+from arm3dof.runtime.tasks.route import BRISK, CAREFUL, LIFTED, Leg, Pace
+from arm3dof.state import Array, JointState
+from arm3dof.vision.standing import Standing
+
+_LOOKS = 2  # pictures in a row that must agree
+_AGREE = 0.006  # [m]
+_PATIENCE = 2.5  # longest wait for pictures that agree [s]
+_ARRIVED = np.deg2rad(1.5)
+_STILL = 0.08  # [rad/s]
+_LATE = 0.8  # how long after its time the arm may arrive [s]
+_FAR_OFF = np.deg2rad(14.0)  # from the trajectory: something stops the arm
+_SETTLE = 0.12  # fingers that have not moved for so long have stopped [s]
+_LONGEST_GRIP = 2.5  # [s]
+_OPEN = 0.003  # fingers this near to the opening that they were asked for are open [m]
+_SLOW = 0.0008  # fingers slower than this in ``_SETTLE`` have stopped [m]
+_LEAST_HOLD = 0.55  # share of a thing's width that fingers leave open while they hold it; a box
+# may turn between them, from corner to corner to face to face, which is no loss
+_ESCAPE = 0.05  # back along the forearm, out of trouble [m]
+
+
+class Gripper(Protocol):
+    """What a gripper's servo says of itself."""
+
+    @property
+    def opening(self) -> float:
+        """Distance of the pads [m]."""
+
+    @property
+    def moving(self) -> bool:
+        """Whether its set-point is still on its way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """The things on the table in one picture.
+
+    Attributes:
+        things: what stands there.
+        taken_at: when the picture was taken [s].
+    """
+
+    things: tuple[Standing, ...]
+    taken_at: float
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """What a task asks for until the next tick.
+
+    Attributes:
+        target: where the joints are to be.
+        opening: of the gripper [m].
+        payload: what is held, as far as it is known [kg].
+        looking: whether pictures are wanted.
+    """
+
+    target: Target
+    opening: float
+    payload: float
+    looking: bool
+
+
+class PickAndPlace:
+    """Moves things, one after the other, as a goal wants it.
+
+    Attributes:
+        phase: what is being done.
+        steps: every transition so far.
+        failure: why the last thing was not done; None while nothing failed.
+    """
+
+    def __init__(
+        self, goal: Goal, gripping: Gripping, home: Array, *, time_limit: float = 60.0
+    ) -> None:
+        """Set the task up.
+
+        Args:
+            goal: what it is for.
+            gripping: what says how things are grasped.
+            home: where the arm waits, out of the camera's view, shape (nv,) [rad].
+            time_limit: how long the task may take [s].
+        """
+        self.phase, self.steps = Phase.LOOK, list[Step]()
+        self.failure: Refusal | None = None
+        self._goal, self._gripping, self._planner = goal, gripping, gripping.planner
+        self._home, self._limit = home, time_limit
+        self._open = gripping.widest
+        self._job: Job | None = None
+        self._sights: list[Sight] = []
+        self._target: Target = home
+        self._opening, self._payload = self._open, 0.0
+        self._start: float | None = None
+        self._began = 0.0
+        self._stopped_at: tuple[float, float] = (0.0, 0.0)
+        self._held = 0.0
+        self._worth = True
+        self._do: Mapping[Phase, Callable[[float, JointState, Gripper], None]] = {
+            Phase.LOOK: self._look,
+            Phase.DECIDE: self._decide,
+            Phase.CLOSE: self._close,
+            Phase.RELEASE: self._release,
+            Phase.RETURN: self._return,
+        }
+
+    def tick(self, state: JointState, gripper: Gripper, sight: Sight | None) -> Command:
+        """Say what is to be done now.
+
+        Args:
+            state: what the joints say.
+            gripper: what the gripper says.
+            sight: the latest picture's things; None before the first.
+        """
+        t = state.t
+        if self._start is None:
+            self._start = self._began = t
+        if sight is not None and self.phase is Phase.LOOK:
+            last = self._sights[-1].taken_at if self._sights else self._began - 1e-9
+            if sight.taken_at > last:
+                self._sights.append(sight)
+        if not self.phase.is_final:
+            self._do.get(self.phase, self._move)(t, state, gripper)
+            if t - self._start > self._limit and not self.phase.is_final:
+                self._fail(t, Refusal(Failure.TIMED_OUT, f"{self._limit:.0f} s"))
+        looking = self.phase is Phase.LOOK
+        return Command(self._target, self._opening, self._payload, looking)
+
+    # ---- seeing and deciding ---------------------------------------------------------------
+
+    def _look(self, t: float, state: JointState, gripper: Gripper) -> None:
+        things = _agreed(self._sights)
+        if things:
+            self._sights.clear()
+            self._seen = things
+            self._go(t, Event.SEEN, f"{len(things)} things")
+        elif t - self._began > _PATIENCE:
+            if self._sights and self._goal.ends_when_empty:
+                self._go(t, Event.FINISHED, "nothing is left on the table")
+                return
+            count = len(self._sights)
+            told = "no picture came" if count == 0 else f"{count} pictures showed nothing steady"
+            self.failure = Refusal(Failure.NOT_SEEN, f"in {_PATIENCE:g} s {told}")
+            self._go(t, Event.NOTHING_SEEN, self.failure.sentence)
+
+    def _decide(self, t: float, state: JointState, gripper: Gripper) -> None:
+        found = self._goal.choose(self._seen, self._gripping)
+        if found is None:
+            self._go(t, Event.NOTHING_LEFT)
+            return
+        if isinstance(found, Refusal):
+            self.failure = found
+            self._go(t, Event.REFUSED, found.sentence)
+            return
+        self._job = found
+        refusal = self._set_out(t, state, found)
+        if refusal is None:
+            thing = found.grip.thing
+            self._go(
+                t,
+                Event.CHOSEN,
+                f"{thing.target} at ({thing.x:.3f}, {thing.y:.3f}) m, "
+                f"{1000 * thing.width_m:.0f} mm wide, sigma {1000 * thing.sigma_m:.1f} mm",
+            )
+            return
+        self.failure = refusal
+        again = self._goal.failed(found, refusal.failure)
+        self._go(t, Event.LOOK_AGAIN if again else Event.REFUSED, refusal.sentence)
+
+    def _set_out(self, t: float, state: JointState, job: Job) -> Refusal | None:
+        start = self._planner.tool(job.grip.reach.q[0])
+        around = (*job.obstacles, self._gripping.obstacle(job.grip.thing))
+        legs = self._planner.travel(self._planner.tool(state.q), start, job.grip.opening, around)
+        if isinstance(legs, Refusal):
+            return legs
+        self._opening = job.grip.opening
+        self._follow(legs, state, t)
+        return None
+
+    # ---- moving ----------------------------------------------------------------------------
+
+    def _move(self, t: float, state: JointState, gripper: Gripper) -> None:
+        """Follow the way of this phase to its end, and see that the thing is still held."""
+        if self.phase in _CARRYING and not self._holds(gripper):
+            self._lose(t, state, gripper)
+            return
+        progress = self._progress(t, state)
+        if progress is Event.ARRIVED:
+            self._arrive(t, state, gripper)
+        elif progress is Event.STOPPED:
+            self._stop(t, state)
+
+    def _arrive(self, t: float, state: JointState, gripper: Gripper) -> None:
+        job, planner = self._current, self._planner
+        match self.phase:
+            case Phase.APPROACH:
+                self._follow([job.grip.reach], state, t)
+            case Phase.REACH:
+                self._opening, self._stopped_at = 0.0, (t, gripper.opening)
+            case Phase.LIFT:
+                self._carry(t, state)
+            case Phase.CARRY:
+                here = planner.tool(state.q)
+                self._go_to(t, state, here, job.placing.point)
+            case Phase.LOWER:
+                self._let_go()
+            case Phase.RETREAT | Phase.RECOVER:
+                self._home_from(t, state)
+        self._go(t, Event.ARRIVED)
+
+    def _carry(self, t: float, state: JointState) -> None:
+        """Go above the place; clear of the others with what is held, if there is such a way."""
+        job, planner = self._current, self._planner
+        here, place = planner.tool(state.q), job.placing.point
+        above = np.array([place[0], place[1], max(place[2], here[2])])
+        held = job.grip.held(planner)
+        legs = planner.travel(here, above, self._held, job.obstacles, held)
+        if isinstance(legs, Refusal):
+            line = planner.line(here, above, BRISK)
+            legs = [] if isinstance(line, str) else [line]
+        self._follow(legs, state, t)
+
+    def _go_to(
+        self, t: float, state: JointState, here: Array, point: Array, pace: Pace = CAREFUL
+    ) -> None:
+        line = self._planner.line(here, point, pace)
+        self._follow([] if isinstance(line, str) else [line], state, t)
+
+    def _home_from(self, t: float, state: JointState) -> None:
+        home = self._planner.tool(self._home)
+        legs = self._planner.travel(self._planner.tool(state.q), home, self._open, ())
+        if isinstance(legs, Refusal):
+            legs = [Leg(np.array([state.q, self._home]), CAREFUL)]
+        self._opening = self._open
+        self._follow(legs, state, t)
+
+    def _stop(self, t: float, state: JointState) -> None:
+        goal, planner = self._goal_q(), self._planner
+        miss = 1000 * float(np.linalg.norm(planner.tool(state.q) - planner.tool(goal)))
+        refusal = Refusal(
+            Failure.BLOCKED,
+            f"while it {self.phase.sentence}, {miss:.0f} mm from where it was to be",
+        )
+        if TRANSITIONS[self.phase][Event.STOPPED] is Phase.RECOVER:
+            self._recover(t, state, refusal)
+        elif self.phase is Phase.LOWER:
+            self._let_go()
+        else:
+            self._home_from(t, state)
+        self._go(t, Event.STOPPED, refusal.detail)
+
+    def _lose(self, t: float, state: JointState, gripper: Gripper) -> None:
+        kind = Failure.SLIPPED if self.phase is Phase.LIFT else Failure.DROPPED
+        detail = (
+            f"while it {self.phase.sentence} the fingers closed from {1000 * self._held:.0f} to "
+            f"{1000 * gripper.opening:.0f} mm"
+        )
+        self._recover(t, state, Refusal(kind, detail))
+        self._go(t, Event.LOST, detail)
+
+    def _recover(self, t: float, state: JointState, refusal: Refusal) -> None:
+        self.failure, self._payload = refusal, 0.0
+        self._worth = self._goal.failed(self._current, refusal.failure)
+        self._opening = self._open
+        here = self._planner.tool(state.q)
+        self._go_to(t, state, here, here - _ESCAPE * self._planner.forearm(state.q))
+
+    # ---- the gripper -----------------------------------------------------------------------
+
+    def _close(self, t: float, state: JointState, gripper: Gripper) -> None:
+        if not self._fingers_stopped(t, gripper):
+            return
+        job, width = self._current, self._current.grip.thing.width_m
+        if not self._holds(gripper):
+            detail = (
+                f"they met at {1000 * gripper.opening:.0f} mm, the thing is "
+                f"{1000 * width:.0f} mm wide"
+            )
+            self._recover(t, state, Refusal(Failure.SLIPPED, detail))
+            self._go(t, Event.EMPTY, detail)
+            return
+        self._held, self._payload = gripper.opening, job.payload
+        here = self._planner.tool(state.q)
+        self._go_to(t, state, here, np.array([here[0], here[1], max(here[2], LIFTED)]), BRISK)
+        self._go(t, Event.HELD, f"{1000 * gripper.opening:.0f} mm")
+
+    def _release(self, t: float, state: JointState, gripper: Gripper) -> None:
+        enough = gripper.opening >= self._opening - _OPEN
+        if enough or t - self._began > _LONGEST_GRIP:
+            self._goal.did(self._current)
+            self.failure = None
+            back = self._current.placing.retreat
+            self._follow([back], state, t)
+            self._go(t, Event.OPENED, f"{1000 * gripper.opening:.0f} mm")
+
+    def _let_go(self) -> None:
+        self._opening, self._payload = min(self._held + ROOM, self._open), 0.0
+
+    def _holds(self, gripper: Gripper) -> bool:
+        return gripper.opening >= _LEAST_HOLD * self._current.grip.thing.width_m
+
+    def _fingers_stopped(self, t: float, gripper: Gripper) -> bool:
+        since, at = self._stopped_at
+        if abs(gripper.opening - at) > _SLOW:
+            self._stopped_at = (t, gripper.opening)
+            return False
+        return t - since > _SETTLE or t - self._began > _LONGEST_GRIP
+
+    # ---- ending ----------------------------------------------------------------------------
+
+    def _return(self, t: float, state: JointState, gripper: Gripper) -> None:
+        if self._progress(t, state) is None:
+            return
+        self._target = self._home
+        if self.failure is not None and not self._worth:
+            self._go(t, Event.GIVEN_UP, self.failure.sentence)
+        else:
+            self._go(t, Event.FINISHED if self._goal.finished else Event.MORE)
+
+    def _fail(self, t: float, refusal: Refusal) -> None:
+        """Give up, whatever the phase."""
+        self.failure = refusal
+        self.steps.append(Step(t, self.phase, Event.GIVEN_UP, Phase.FAILED, refusal.sentence))
+        self.phase, self._target = Phase.FAILED, self._goal_q()
+
+    # ---- helpers ---------------------------------------------------------------------------
+
+    @property
+    def _current(self) -> Job:
+        if self._job is None:
+            raise RuntimeError("there is no job")
+        return self._job
+
+    def _follow(self, legs: Sequence[Leg], state: JointState, t: float) -> None:
+        """Begin a way where the last one was to end, or where the arm is when it is not there."""
+        start = self._goal_q()
+        if float(np.abs(start - state.q).max()) > 2 * _ARRIVED:
+            start = np.array(state.q)
+        self._target = self._planner.follow(legs, start, t) if legs else start
+
+    def _goal_q(self) -> Array:
+        target = self._target
+        return np.asarray(target.q[-1] if isinstance(target, JointTrajectory) else target, float)
+
+    def _progress(self, t: float, state: JointState) -> Event | None:
+        """Say whether the arm has arrived at the end of its way, or will not."""
+        target = self._target
+        end = float(target.times[-1]) if isinstance(target, JointTrajectory) else self._began
+        if t < end:
+            if isinstance(target, JointTrajectory):
+                off = np.abs(target.sample(np.array([t])).q[0] - state.q).max()
+                if off > _FAR_OFF:
+                    return Event.STOPPED
+            return None
+        near = float(np.abs(self._goal_q() - state.q).max()) < _ARRIVED
+        if near and float(np.abs(state.v).max()) < _STILL:
+            return Event.ARRIVED
+        if t > end + _LATE:
+            return Event.ARRIVED if near else Event.STOPPED
+        return None
+
+    def _go(self, t: float, event: Event, detail: str = "") -> None:
+        target = TRANSITIONS[self.phase][event]
+        self.steps.append(Step(t, self.phase, event, target, detail))
+        self.phase, self._began = target, t
+        if target is Phase.LOOK:
+            self._sights.clear()
+
+
+_CARRYING = (Phase.LIFT, Phase.CARRY, Phase.LOWER)
+
+
+def _agreed(sights: Sequence[Sight]) -> tuple[Standing, ...]:
+    """Return the things on which the last pictures agree, as the latest shows them."""
+    if len(sights) < _LOOKS:
+        return ()
+    latest, *before = reversed(sights[-_LOOKS:])
+    return tuple(
+        thing
+        for thing in latest.things
+        if all(any(_same(thing, other) for other in sight.things) for sight in before)
+    )
+
+
+def _same(thing: Standing, other: Standing) -> bool:
+    return thing.target == other.target and thing.distance_to(other.x, other.y) < _AGREE
