@@ -63,3 +63,32 @@ def wait_until(page: Page, condition: str) -> None:
         f"() => new Promise((done) => {{"
         f"const look = () => ({condition}) ? done() : requestAnimationFrame(look); look(); }})"
     )
+
+
+class Visit:
+    """A page that is open, everything that it asked for, and everything that it complained of."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.requests: list[str] = []
+        self.complaints: list[str] = []
+        page.on("request", lambda request: self.requests.append(request.url))
+        page.on("websocket", lambda socket: self.requests.append(socket.url))
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("console", self._hear)
+
+    def _hear(self, message) -> None:
+        if message.type == "error":
+            self.complaints.append(message.text)
+
+
+@contextmanager
+def visit(browser: Browser, url: str, *, width: int = 1280, height: int = 720) -> Iterator[Visit]:
+    page = browser.new_page(viewport={"width": width, "height": height})
+    page.set_default_timeout(30_000)
+    try:
+        visit = Visit(page)
+        page.goto(url, wait_until="domcontentloaded")
+        yield visit
+    finally:
+        page.close()

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
-from browser import POSE_JS, chromium, poses, wait_until
+from browser import POSE_JS, chromium, poses, visit, wait_until
 from playwright.sync_api import Browser, Page
 from runs import TARGET, smooth_run
 from starlette.applications import Starlette
@@ -43,35 +42,6 @@ def robot() -> Robot:
 @pytest.fixture(scope="module")
 def run(robot: Robot) -> Recording:
     return smooth_run(robot, duration=1.5)
-
-
-class Visit:
-    """A page that is open, everything that it asked for, and everything that it complained of."""
-
-    def __init__(self, page: Page) -> None:
-        self.page = page
-        self.requests: list[str] = []
-        self.complaints: list[str] = []
-        page.on("request", lambda request: self.requests.append(request.url))
-        page.on("websocket", lambda socket: self.requests.append(socket.url))
-        page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        page.on("console", self._hear)
-
-    def _hear(self, message) -> None:
-        if message.type == "error":
-            self.complaints.append(message.text)
-
-
-@contextmanager
-def visit(browser: Browser, url: str, *, width: int = 1280, height: int = 720) -> Iterator[Visit]:
-    page = browser.new_page(viewport={"width": width, "height": height})
-    page.set_default_timeout(30_000)
-    try:
-        visit = Visit(page)
-        page.goto(url, wait_until="domcontentloaded")
-        yield visit
-    finally:
-        page.close()
 
 
 def barrier(scene: Scene, page: Page, number: int) -> None:

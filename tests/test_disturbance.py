@@ -553,13 +553,19 @@ def simulate(capsys, monkeypatch, tmp_path):
     return call
 
 
+def said(run):
+    """Return the notes but for the controller's settings."""
+    return {name: note for name, note in run.notes.items() if not name.startswith("mpc.")}
+
+
 def test_simulate_takes_disturbances(simulate, arm):
     _, calm, _ = simulate()
-    assert calm.notes == {}
+    assert said(calm) == {}
+    assert calm.notes["mpc.horizon"] == "20"
     _, run, _ = simulate("--push", "0.1,joint2,10", "--push", "0.2,3,-5")
     assert run.q[100, 1] - run.q[99, 1] == pytest.approx(np.deg2rad(10), abs=1e-4)
     assert run.q[200, 2] - run.q[199, 2] == pytest.approx(np.deg2rad(-5), abs=1e-3)
-    assert run.notes == {"pushes": "0.1,joint2,10; 0.2,3,-5"}
+    assert said(run) == {"pushes": "0.1,joint2,10; 0.2,3,-5"}
     _, run, _ = simulate("--wrench", "0.1,0,1,0,0.05")
     assert run.v[150, 0] > 0.1
     assert np.abs(run.q[:101] - calm.q[:101]).max() == 0
@@ -570,7 +576,7 @@ def test_simulate_takes_disturbances(simulate, arm):
     assert np.abs(run.load_robot().gravity(np.zeros(3)) - arm.gravity(np.zeros(3))).max() > 1e-3
     _, again, _ = simulate("--model-error", "20", "--seed", "7", "--noise-deg", "0.1")
     assert again.robot.urdf == run.robot.urdf
-    assert again.notes == {"model_error": "20", "noise_deg": "0.1", "seed": "7"}
+    assert said(again) == {"model_error": "20", "noise_deg": "0.1", "seed": "7"}
     assert np.abs(again.q - run.q).max() > 0
     _, run, _ = simulate("--delay-ms", "20", "--start-deg", "0,10,0")
     np.testing.assert_array_equal(run.tau[:20], np.tile(run.tau[0], (20, 1)))

@@ -15,6 +15,7 @@ from arm3dof.cli import (
     demo,
     doctor,
     output,
+    report,
     robots,
     see,
     simulate,
@@ -56,6 +57,7 @@ app.command("compare")(compare.compare_controllers)
 app.command("sweep")(sweep.sweep_settings)
 app.command()(view.view)
 app.command()(studio.studio)
+app.command("report")(report.report_run)
 app.command()(robots.check)
 app.command("robots")(robots.robots)
 app.add_typer(see.calibrate, name="calibrate")

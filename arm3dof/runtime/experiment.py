@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,16 +50,24 @@ def simulate(
         settings: the controller's settings.
         duration: how long to simulate [s].
         observers: called after each control step.
-        notes: text to keep in the recording.
+        notes: text to keep in the recording, beside the controller's settings.
         make_plant: makes the plant, for instance a ``DisturbedPlant`` around another robot.
 
     Raises:
         InputError: an argument has another shape or a value outside its domain.
     """
+    settings = settings or MpcSettings()
     controller = MpcController(robot, settings)
     plant = make_plant(robot, controller.dt / np.ceil(controller.dt / _PLANT_DT - 1e-9))
     plant.reset(JointState(0.0, np.asarray(start, float), np.zeros(robot.nv)))
-    return run_loop(plant, controller, target, duration, observers, notes=notes)
+    kept = settings_notes(settings) | dict(notes or {})
+    return run_loop(plant, controller, target, duration, observers, notes=kept)
+
+
+def settings_notes(settings: MpcSettings) -> dict[str, str]:
+    """Return a controller's settings as notes of a recording, ``mpc.horizon`` and so on."""
+    given = {item.name: getattr(settings, item.name) for item in fields(settings)}
+    return {f"mpc.{name}": str(value) for name, value in given.items() if value is not None}
 
 
 def default_start(robot: Robot) -> Array:

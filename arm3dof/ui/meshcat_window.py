@@ -27,7 +27,7 @@ Command = Mapping[str, object]
 ANIMATION = "set_animation"
 # MeshCat's "set_control" is missing on purpose: the viewer would evaluate its text as code.
 SCENE_COMMANDS = frozenset({"set_object", "set_transform", "set_property", "delete", ANIMATION})
-PAGE_COMMANDS = frozenset({"caption", "views", "replay"})  # understood by our own page
+PAGE_COMMANDS = frozenset({"caption", "views", "replay", "report"})  # understood by our own page
 
 
 class MeshcatCommand(Protocol):
@@ -65,7 +65,8 @@ class MeshcatWindow:
         """Keep commands and show them together, in one frame.
 
         Args:
-            commands: plain MeshCat commands, or the page's own (caption, views, replay).
+            commands: plain MeshCat commands, or the page's own (caption, views, replay,
+                report).
 
         Raises:
             InputError: a command is of a kind that the page does not take.

@@ -1,8 +1,9 @@
 """The page of the 3-D view, served live or written as one file that needs nothing else.
 
 Both are made of the same parts, ``web/scene.html``, ``.css`` and ``.js``, and of the viewer that
-the installed ``meshcat`` package carries. Neither sends a request anywhere but to its own server:
-the content security policy in the page forbids it.
+the installed ``meshcat`` package carries; a run's report adds ``web/report.html`` and its
+neighbours. None sends a request anywhere but to its own server: the content security policy in
+the page forbids it.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import gzip
 import html
 import importlib.util
 import re
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -40,6 +42,7 @@ HEADERS = {
 def live_page(title: str = "arm3dof") -> str:
     """Return the page that gets its scene from the server beside it."""
     return _fill(
+        "scene.html",
         title=html.escape(title),
         policy=LIVE_POLICY,
         style='<link rel="stylesheet" href="scene.css">',
@@ -54,16 +57,18 @@ def static_page(scene: bytes, title: str = "arm3dof") -> str:
         scene: a message of ``MeshcatWindow.snapshot``.
         title: the title of the browser's window.
     """
-    data = base64.b64encode(gzip.compress(scene, mtime=0)).decode()
-    return _fill(
-        title=html.escape(title),
-        policy=FILE_POLICY,
-        style=f"<style>\n{_asset('scene.css')}</style>",
-        scripts=(
-            f'<script id="embedded-scene" type="application/octet-stream">{data}</script>\n'
-            f"<script>{viewer_script()}</script>\n<script>\n{_asset('scene.js')}</script>"
-        ),
-    )
+    return _complete("scene.html", scene, title, ["scene.css"], ["scene.js"])
+
+
+def report_page(scene: bytes, title: str = "arm3dof") -> str:
+    """Return the page of a run's report: the scene, and charts that move with it.
+
+    Args:
+        scene: a message of ``MeshcatWindow.snapshot``, a ``report`` command in it.
+        title: the title of the browser's window.
+    """
+    styles, scripts = ["scene.css", "report.css"], ["scene.js", "charts.js", "report.js"]
+    return _complete("report.html", scene, title, styles, scripts)
 
 
 def page_routes() -> list[Route]:
@@ -97,8 +102,29 @@ def _asset(name: str) -> str:
     return (Path(__file__).parent / "web" / name).read_text(encoding="utf-8")
 
 
-def _fill(**parts: str) -> str:
-    return re.sub(r"\{\{(\w+)\}\}", lambda hole: parts[hole[1]], _asset("scene.html"))
+def _complete(
+    page: str, scene: bytes, title: str, styles: Sequence[str], scripts: Sequence[str]
+) -> str:
+    """Return a page with its scene, styles and scripts inside."""
+    data = base64.b64encode(gzip.compress(scene, mtime=0)).decode()
+    embedded = f'<script id="embedded-scene" type="application/octet-stream">{data}</script>'
+    code = (viewer_script(), *(f"\n{_asset(name)}" for name in scripts))
+    return _fill(
+        page,
+        title=html.escape(title),
+        policy=FILE_POLICY,
+        style="<style>\n" + "\n".join(map(_asset, styles)) + "</style>",
+        scripts="\n".join([embedded, *(f"<script>{text}</script>" for text in code)]),
+    )
+
+
+def _fill(page: str, **parts: str) -> str:
+    """Fill the holes of a page; what is not given is a file of that name."""
+
+    def fill(hole: re.Match[str]) -> str:
+        return parts[hole[1]] if hole[1] in parts else _asset(f"{hole[1]}.html")
+
+    return re.sub(r"\{\{(\w+)\}\}", fill, _asset(page))
 
 
 def _route(path: str, text: str, media_type: str) -> Route:

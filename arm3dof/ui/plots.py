@@ -7,9 +7,7 @@ any thread.
 from __future__ import annotations
 
 import io
-import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
@@ -19,62 +17,36 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from arm3dof.files import write_atomically
-from arm3dof.runtime.metrics import SETTLED_ERROR, SETTLED_SPEED, summarise
+from arm3dof.runtime.metrics import summarise
 from arm3dof.runtime.recording import Recording
 from arm3dof.state import Array
+from arm3dof.ui import quantities
+from arm3dof.ui.quantities import NEAR, QUANTITIES, Quantity, extreme_rows
 from arm3dof.ui.style import COLORS, DASHES, LIMIT, SETTLED, SETTLED_BAND, SOFT, STYLE
 
 SIZE = (7.2, 4.0)  # inches
 OVERVIEW_SIZE = (12.6, 7.6)
 MAX_POINTS = 3000  # of a line; a longer run is drawn by the extremes of equal pieces
-NEAR = 3.0  # limits are inside the picture when they are at most so many times the largest value
-
-
-@dataclass(frozen=True)
-class _Quantity:
-    """What one figure shows.
-
-    Attributes:
-        title: above the axes.
-        label: along the y axis, with the unit.
-        values: the column, shape (n, nv), in the figure's unit.
-        limits: largest magnitude of each joint, shape (nv,), or ``None``.
-        unit: of the limits' label.
-        band: half height of the band in which a joint counts as settled, or ``None``.
-        must_show_limit: whether the limit is drawn however far away it is.
-        holds: whether the value is held between control steps (drawn as steps).
-        zooms: whether the band is shown enlarged where there is room.
-    """
-
-    title: str
-    label: str
-    values: Array
-    limits: Array | None
-    unit: str
-    band: float | None = None
-    must_show_limit: bool = False
-    holds: bool = False
-    zooms: bool = False
 
 
 def plot_error(recording: Recording) -> Figure:
     """Draw the joint errors q_target - q in degrees (the paper's figure 9)."""
-    return _single(recording, _error(recording))
+    return _single(recording, quantities.error(recording))
 
 
 def plot_velocity(recording: Recording) -> Figure:
     """Draw the joint velocities with their limits (the paper's figure 10)."""
-    return _single(recording, _velocity(recording))
+    return _single(recording, quantities.velocity(recording))
 
 
 def plot_controller(recording: Recording) -> Figure:
     """Draw the controller's input u, a joint acceleration (the paper's figure 11)."""
-    return _single(recording, _controller(recording))
+    return _single(recording, quantities.controller(recording))
 
 
 def plot_torque(recording: Recording) -> Figure:
     """Draw the joint torques with their limits (the paper's figure 12)."""
-    return _single(recording, _torque(recording))
+    return _single(recording, quantities.torque(recording))
 
 
 def plot_overview(recording: Recording) -> Figure:
@@ -82,7 +54,7 @@ def plot_overview(recording: Recording) -> Figure:
     with mpl.rc_context(dict(STYLE)):
         figure = Figure(figsize=OVERVIEW_SIZE, layout="constrained")
         grid = figure.subplots(2, 2, sharex=True)
-        for axes, quantity in zip(grid.flat, _QUANTITIES, strict=True):
+        for axes, quantity in zip(grid.flat, QUANTITIES, strict=True):
             _draw(axes, recording, quantity(recording))
         for axes in grid[0]:
             axes.set_xlabel("")
@@ -131,43 +103,10 @@ FIGURES: Mapping[str, Callable[[Recording], Figure]] = MappingProxyType(
 """Every figure by the name of its file."""
 
 
-# ---- what is drawn -----------------------------------------------------------------------------
-
-
-def _error(r: Recording) -> _Quantity:
-    band = float(np.rad2deg(SETTLED_ERROR))
-    return _Quantity("Joint error", "error e [deg]", np.rad2deg(r.e), None, "deg", band, zooms=True)
-
-
-def _velocity(r: Recording) -> _Quantity:
-    return _Quantity(
-        "Joint velocity", "velocity [rad/s]", r.v, r.limits.v_max, "rad/s", SETTLED_SPEED
-    )
-
-
-def _controller(r: Recording) -> _Quantity:
-    return _Quantity("Controller", "input u [rad/s²]", r.u, None, "rad/s²", holds=True)
-
-
-def _torque(r: Recording) -> _Quantity:
-    return _Quantity(
-        "Joint torque",
-        "torque τ [N m]",
-        r.tau,
-        r.limits.tau_max,
-        "N m",
-        must_show_limit=True,
-        holds=True,
-    )
-
-
-_QUANTITIES = (_error, _velocity, _controller, _torque)
-
-
 # ---- how it is drawn ---------------------------------------------------------------------------
 
 
-def _single(recording: Recording, quantity: _Quantity) -> Figure:
+def _single(recording: Recording, quantity: Quantity) -> Figure:
     with mpl.rc_context(dict(STYLE)):
         figure = Figure(figsize=SIZE, layout="constrained")
         axes = figure.subplots()
@@ -184,7 +123,7 @@ def _single(recording: Recording, quantity: _Quantity) -> Figure:
         return figure
 
 
-def _draw(axes: Axes, recording: Recording, quantity: _Quantity) -> None:
+def _draw(axes: Axes, recording: Recording, quantity: Quantity) -> None:
     time = recording.t - recording.t[0]
     axes.axhline(0, color=SOFT, linewidth=0.8, zorder=1)
     if quantity.band is not None:
@@ -208,7 +147,7 @@ def _draw(axes: Axes, recording: Recording, quantity: _Quantity) -> None:
         _draw_zoom(axes, time, quantity)
 
 
-def _draw_limits(axes: Axes, quantity: _Quantity, names: Sequence[str]) -> None:
+def _draw_limits(axes: Axes, quantity: Quantity, names: Sequence[str]) -> None:
     """Draw the limits, or say what they are when they are far outside the picture."""
     limits = np.asarray(quantity.limits)
     finite = np.unique(limits[np.isfinite(limits)])
@@ -246,7 +185,7 @@ def _note(axes: Axes, x: float, y: float, text: str, side: str) -> None:
     )
 
 
-def _draw_zoom(axes: Axes, time: Array, quantity: _Quantity) -> None:
+def _draw_zoom(axes: Axes, time: Array, quantity: Quantity) -> None:
     """Show the settled end of a run and its band again, enlarged, where the picture is empty."""
     band = quantity.band or 1.0
     zoom = axes.inset_axes((0.5, 0.5, 0.48, 0.42))
@@ -282,13 +221,5 @@ def _mark_settling(axes: Axes, settling_time: float) -> None:
 
 
 def _thinned(time: Array, values: Array) -> tuple[Array, Array]:
-    """Keep the smallest and the largest value of each piece, so that no peak is lost."""
-    if len(time) <= MAX_POINTS:
-        return time, values
-    edges = np.linspace(0, len(time), MAX_POINTS // 2 + 1).astype(int)
-    rows: set[int] = {0, len(time) - 1}
-    for start, end in itertools.pairwise(edges):
-        rows.add(start + int(np.argmin(values[start:end])))
-        rows.add(start + int(np.argmax(values[start:end])))
-    kept = np.array(sorted(rows))
-    return time[kept], values[kept]
+    rows = extreme_rows(values, MAX_POINTS)
+    return time[rows], values[rows]

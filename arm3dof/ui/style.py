@@ -8,6 +8,7 @@ from typing import Any
 
 # Okabe and Ito's palette without its yellow, which is too pale for a line on white
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+DARK_COLORS = ("#56B4E9", "#FF9052", "#2FD0A2", "#E29BC4", "#F5C04A", "#9BD4F5", "#E6EBF1")
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))  # for more joints than colours
 
 INK = "#18222F"

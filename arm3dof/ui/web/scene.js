@@ -10,10 +10,17 @@ const LOOP_PAUSE = 1.0; // s between the end of a replay and its next start
 const plain = new URLSearchParams(location.search).has("plain"); // inside another page
 document.body.classList.toggle("plain", plain);
 
+// The viewer fills its stage, which is the whole window or a part of a page.
+const stageSize = () => [$("#stage").clientWidth, $("#stage").clientHeight];
+viewer.set_3d_pane_size = function () {
+  MeshCat.Viewer.prototype.set_3d_pane_size.call(this, ...stageSize());
+};
+
 // ---- camera: the scene's z is up; the camera's own frame has y up -----------------------------
 
 const camera = {
   views: [],
+  shown: 0,
   moved: false,
 
   load(message) {
@@ -44,8 +51,10 @@ const camera = {
   show(index) {
     const view = this.views[index];
     if (!view) return;
+    this.shown = index;
     const [eye, target] = [view.eye, view.target].map(([x, y, z]) => new MeshCat.THREE.Vector3(x, z, -y));
-    const aspect = window.innerWidth / window.innerHeight;
+    const [width, height] = stageSize();
+    const aspect = width / height || 1;
     eye.sub(target).multiplyScalar(Math.max(1, (plain ? 1 : 1.25) / aspect)).add(target); // a phone stands back
     viewer.camera.fov = FIELD_OF_VIEW;
     viewer.camera.position.copy(eye);
@@ -56,15 +65,18 @@ const camera = {
       .forEach((button, k) => button.setAttribute("aria-pressed", k === index));
   },
 };
-// Stand a little to the right of the cards, where the window is wide enough for both.
+// Stand a little to the right of the cards, where they lie on the stage and it is wide enough.
 function leaveRoom() {
-  const [w, h] = [window.innerWidth, window.innerHeight];
-  if (w > 900) viewer.camera.setViewOffset(w, h, -0.09 * w, 0.03 * h, w, h);
+  const [w, h] = stageSize();
+  if ($("#stage").dataset.room === "left" && w > 900) viewer.camera.setViewOffset(w, h, -0.09 * w, 0.03 * h, w, h);
   else viewer.camera.clearViewOffset();
   viewer.set_dirty();
 }
-window.addEventListener("resize", leaveRoom);
-leaveRoom();
+new ResizeObserver(() => {
+  viewer.set_3d_pane_size();
+  leaveRoom();
+  if (!camera.moved && camera.views.length) camera.show(camera.shown);
+}).observe($("#stage"));
 viewer.controls.addEventListener("start", () => {
   camera.moved = true;
   document.querySelectorAll('#views [aria-pressed="true"]').forEach((button) => {
@@ -147,6 +159,7 @@ function showCaption(message) {
   card.hidden = false;
 }
 
+
 // A number with some digits, and never "-0.00".
 function fixed(value, digits) {
   const text = value.toFixed(digits);
@@ -157,6 +170,7 @@ function fixed(value, digits) {
 
 const player = {
   frames: 0, fps: 30, frame: 0, time: 0, speed: 1, playing: false, last: null, nodes: [], rows: [],
+  watchers: [], // called with the time [s] of each frame that is shown
 
   load(message) {
     Object.assign(this, { frames: message.frames, fps: message.fps, message, time: 0, last: null });
@@ -186,6 +200,7 @@ const player = {
     $("#clock").textContent = `${now.toFixed(2)} / ${this.duration().toFixed(2)} s`;
     $("#time").setAttribute("aria-valuetext", `${now.toFixed(2)} seconds`);
     this.rows.forEach((row, k) => row(this.frame * this.rows.length + k));
+    this.watchers.forEach((watch) => watch(now));
   },
 
   seek(frame) {
@@ -267,11 +282,16 @@ requestAnimationFrame((now) => player.tick(now));
 
 // ---- messages ---------------------------------------------------------------------------------
 
+const pageCommands = {
+  batch: (command) => command.commands.forEach((each) => viewer.handle_command(each)),
+  caption: showCaption,
+  views: (command) => camera.load(command),
+  replay: (command) => player.load(command),
+  report: () => {}, // shown by report.js, where there is one
+};
 viewer.handle_command = function (command) {
-  if (command.type === "batch") command.commands.forEach((each) => this.handle_command(each));
-  else if (command.type === "caption") showCaption(command);
-  else if (command.type === "views") camera.load(command);
-  else if (command.type === "replay") player.load(command);
+  const carryOut = pageCommands[command.type];
+  if (carryOut) carryOut(command);
   else MeshCat.Viewer.prototype.handle_command.call(this, command);
 };
 
@@ -315,6 +335,8 @@ async function unpack(text) {
   viewer.handle_command_bytearray(new Uint8Array(await new Response(stream).arrayBuffer()));
 }
 
-const embedded = $("#embedded-scene");
-if (embedded) unpack(embedded.textContent);
-else connect(0);
+window.addEventListener("DOMContentLoaded", () => { // every script of the page has run
+  const embedded = $("#embedded-scene");
+  if (embedded) unpack(embedded.textContent);
+  else connect(0);
+});

@@ -1,0 +1,246 @@
+"""A recording as what the report's page shows beside the replay: charts, statuses and tables."""
+
+from __future__ import annotations
+
+import base64
+import itertools
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+import arm3dof
+from arm3dof.control.step import ControlStatus, TorqueSource
+from arm3dof.errors import InputError, MissingFile
+from arm3dof.model.robot import Robot
+from arm3dof.runtime.metrics import Metrics
+from arm3dof.runtime.recording import Recording
+from arm3dof.ui.meshcat_window import Command
+from arm3dof.ui.quantities import QUANTITIES, Quantity, extreme_rows
+from arm3dof.ui.replay import is_turning
+from arm3dof.ui.shapes import typed_array
+from arm3dof.ui.style import COLORS, DARK_COLORS
+
+MAX_ROWS = 6000  # of a curve in the file; of a longer one the extremes are kept
+MAX_PICTURE = 2_000_000  # bytes; the whole file stays below 5 MB
+_KINDS = {b"\x89PNG": "png", b"\xff\xd8\xff": "jpeg", b"RIFF": "webp"}
+
+Table = Mapping[str, object]
+
+
+def report_command(
+    recording: Recording, robot: Robot, metrics: Metrics, picture: bytes | None = None
+) -> Command:
+    """Return the command that shows a run's charts, statuses and tables.
+
+    Args:
+        recording: the run.
+        robot: its robot.
+        metrics: its figures of merit.
+        picture: a PNG, JPEG or WebP file to show.
+
+    Raises:
+        InputError: the picture is of another kind, or too large.
+    """
+    r = recording
+    return {
+        "type": "report",
+        "joints": list(r.joint_names),
+        "duration": float(r.t[-1] - r.t[0]),
+        "settled": metrics.settling_time,
+        "colours": {
+            "light": _cycled(COLORS, robot),
+            "dark": _cycled(DARK_COLORS, robot),
+        },
+        "charts": [_chart(r, quantity(r)) for quantity in QUANTITIES],
+        "segments": status_segments(r),
+        "kinds": _status_kinds(r),
+        "tables": [_run_table(r, robot), _joint_table(r, robot), *_note_tables(r)],
+        "picture": None if picture is None else _data_url(picture),
+    }
+
+
+def read_picture(path: str | Path) -> bytes:
+    """Read a picture for the report.
+
+    Raises:
+        MissingFile: there is no such file.
+        InputError: it is no PNG, JPEG or WebP file, or too large.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise MissingFile(f"{path}: no such picture; 'arm3dof see --out' writes one")
+    data = path.read_bytes()
+    _data_url(data, str(path))
+    return data
+
+
+def status_segments(recording: Recording) -> list[dict[str, object]]:
+    """Return the stretches of time in which the controller said the same.
+
+    Returns:
+        In order of time: ``from`` and ``to`` [s since the start], ``name``, and ``level``: 0 for
+        an optimum, 1 where a limit was softened, 2 for the last plan, 3 for braking.
+    """
+    r = recording
+    code = r.status.astype(int) * 16 + r.source
+    starts = np.flatnonzero(np.diff(code, prepend=-1))
+    ends = np.append(starts[1:], len(r) - 1)
+    return [
+        {
+            "from": float(r.t[start] - r.t[0]),
+            "to": float(r.t[end] - r.t[0]),
+            "name": _name(r.status[start], r.source[start]),
+            "level": _level(r.status[start], r.source[start]),
+        }
+        for start, end in zip(starts, ends, strict=True)
+    ]
+
+
+# ---- parts ---------------------------------------------------------------------------------------
+
+
+def _chart(r: Recording, quantity: Quantity) -> dict[str, object]:
+    limits = None if quantity.limits is None else [_finite(limit) for limit in quantity.limits]
+    series = []
+    for column in quantity.values.T:
+        rows = extreme_rows(np.nan_to_num(column), MAX_ROWS)
+        times = (r.t[rows] - r.t[0]).astype(np.float32)
+        series.append({"t": typed_array(times), "v": typed_array(column[rows].astype(np.float32))})
+    return {
+        "title": quantity.title,
+        "label": quantity.label,
+        "unit": quantity.unit,
+        "band": quantity.band,
+        "must_show_limit": quantity.must_show_limit,
+        "limits": limits,
+        "series": series,
+    }
+
+
+def _status_kinds(r: Recording) -> list[dict[str, object]]:
+    rows = r.control_rows
+    pairs, counts = np.unique(
+        np.column_stack([r.status[rows], r.source[rows]]), axis=0, return_counts=True
+    )
+    return [
+        {
+            "name": _name(status, source),
+            "level": _level(status, source),
+            "count": int(count),
+            "sentence": _sentence(status, source),
+        }
+        for (status, source), count in zip(pairs, counts, strict=True)
+    ]
+
+
+def _run_table(r: Recording, robot: Robot) -> Table:
+    description = r.robot
+    period = float(r.t[1] - r.t[0]) if len(r) > 1 else r.control_dt
+    rows = [
+        ("Robot", f"{robot.name} ({description.source})"),
+        ("Tool frame", r.tool_frame),
+        ("Gravity", f"({', '.join(f'{g:g}' for g in description.gravity)}) m/s²"),
+        ("Payload", "none" if description.payload is None else f"{description.payload.mass:g} kg"),
+        ("Length", f"{r.t[-1] - r.t[0] + period:.3g} s, {len(r)} rows of {1e3 * period:.3g} ms"),
+        ("Control period", f"{1e3 * r.control_dt:.4g} ms, {int(r.control_rows.sum())} steps"),
+        ("Written by", f"arm3dof {arm3dof.__version__}"),
+    ]
+    return {"title": "Run", "head": None, "rows": rows}
+
+
+def _joint_table(r: Recording, robot: Robot) -> Table:
+    rows = []
+    for joint, name in enumerate(r.joint_names):
+        turns = is_turning(robot, joint)
+        scale, unit, rate, effort = (
+            (180 / np.pi, "°", "rad/s", "N m") if turns else (1000.0, "mm", "m/s", "N")
+        )
+        low, high = scale * r.limits.q_min[joint], scale * r.limits.q_max[joint]
+        reach = f"{low:.0f} … {high:.0f} {unit}" if np.isfinite(high - low) else "free"
+        rows.append(
+            (
+                name,
+                f"{scale * r.q[0, joint]:.1f} {unit}",
+                f"{scale * r.q_target[joint]:.1f} {unit}",
+                reach,
+                f"{r.limits.v_max[joint]:g} {rate}",
+                f"{r.limits.tau_max[joint]:g} {effort}",
+            )
+        )
+    head = ("joint", "start", "target", "range", "speed ≤", "torque ≤")
+    return {"title": "Joints", "head": head, "rows": rows}
+
+
+def _note_tables(r: Recording) -> list[Table]:
+    """Return the notes, those of one subject (``subject.name``) in one table."""
+    subjects: dict[str, list[tuple[str, str]]] = {}
+    for key, value in r.notes.items():
+        subject, _, name = key.rpartition(".")
+        shown = f"{value} {_UNITS[key]}" if key in _UNITS else value
+        subjects.setdefault(subject, []).append((name.replace("_", " "), shown))
+    return [
+        {"title": _SUBJECTS.get(subject, subject), "head": None, "rows": rows}
+        for subject, rows in subjects.items()
+    ]
+
+
+_SUBJECTS = {"": "Notes", "mpc": "Controller"}
+_UNITS = {
+    "mpc.horizon": "stages",
+    "mpc.dt": "s",
+    "mpc.delay": "s",
+    "mpc.torque_rate": "N m/s",
+    "mpc.max_step_time": "s",
+    "mpc.plan_validity": "s",
+    "payload_kg": "kg",
+    "model_error": "%",
+    "noise_deg": "deg",
+    "delay_ms": "ms",
+}
+
+_NAMES = {
+    ControlStatus.SOLVED: "optimal",
+    ControlStatus.SOFTENED: "limit softened",
+    ControlStatus.NOT_SOLVED: "no optimum",
+    ControlStatus.DEADLINE_MISSED: "too late",
+    ControlStatus.BAD_MEASUREMENT: "bad measurement",
+    ControlStatus.BAD_TARGET: "bad target",
+}
+_SOURCES = {TorqueSource.PREVIOUS_PLAN: ": last plan", TorqueSource.BRAKING: ": braking"}
+
+
+def _name(status: int, source: int) -> str:
+    return _NAMES[ControlStatus(status)] + _SOURCES.get(TorqueSource(source), "")
+
+
+def _sentence(status: int, source: int) -> str:
+    said = ControlStatus(status).sentence
+    if source == TorqueSource.OPTIMUM:
+        return said
+    return f"{said}; instead: {TorqueSource(source).sentence}"
+
+
+def _level(status: int, source: int) -> int:
+    if source != TorqueSource.OPTIMUM:
+        return 1 + int(source)
+    return 0 if status == ControlStatus.SOLVED else 1
+
+
+def _cycled(colours: tuple[str, ...], robot: Robot) -> list[str]:
+    return list(itertools.islice(itertools.cycle(colours), robot.nv))
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _data_url(picture: bytes, name: str = "the picture") -> str:
+    kind = next((kind for magic, kind in _KINDS.items() if picture.startswith(magic)), None)
+    if kind is None:
+        raise InputError(f"{name} is no PNG, JPEG or WebP file; give one of these")
+    if len(picture) > MAX_PICTURE:
+        raise InputError(
+            f"{name} has {len(picture) / 1e6:.1f} MB; give one of at most {MAX_PICTURE / 1e6:g} MB"
+        )
+    return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
