@@ -1,5 +1,7 @@
 """The loop, the recording and its figures of merit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from arm3dof.runtime.loop import run_loop
 from arm3dof.runtime.metrics import summarise
 from arm3dof.runtime.recording import Recording
 from arm3dof.sim.pinocchio_plant import PinocchioPlant
+from arm3dof.sim.world import Bin, Body, World
 from arm3dof.state import JointState
 
 TARGET = np.array([0.3, 0.6, -0.4])
@@ -170,3 +173,36 @@ def test_energy_violations_and_saturation_are_counted_by_hand(robot):
     assert metrics.torque_squared == pytest.approx(3 * 0.01 * np.sum(tau**2))
     assert metrics.step_time_p50 == metrics.step_time_max == 1e-4
     assert metrics.status_counts == {"solved": 20}
+
+
+# ---- what moves beside the arm -------------------------------------------------------------------
+
+
+def test_a_recording_keeps_the_gripper_and_the_objects(tmp_path):
+    robot = load_robot("arm3dof")
+    plain = run_loop(PinocchioPlant(robot), MpcController(robot), np.zeros(3), 0.05)
+    assert plain.gripper is None
+    assert not plain.bodies
+    rows = len(plain)
+    poses = np.tile([0.2, 0.0, -0.09, 0.0, 0.0, 0.0, 1.0], (rows, 1))
+    poses[:, 2] += np.linspace(0, 0.1, rows)
+    body = Body("red_0", "bottle", 0.03, 0.05, 0.02, (0.8, 0.1, 0.1), 0.2, 0.0)
+    world = World(bodies=(body,), bins=(Bin("red", 0.0, -0.2, (0.05, 0.06), (0.5, 0.5, 0.5)),))
+    full = replace(
+        plain, gripper=np.linspace(0.05, 0.02, rows), world=world, bodies={"red_0": poses}
+    )
+    again = Recording.load(full.save(tmp_path / "run.npz"))
+    np.testing.assert_array_equal(again.gripper, full.gripper)
+    np.testing.assert_array_equal(again.bodies["red_0"], poses)
+    assert again.world == world
+    bare = Recording.load(plain.save(tmp_path / "plain.npz"))
+    assert (bare.gripper, bare.world, dict(bare.bodies)) == (None, None, {})
+
+
+def test_poses_of_objects_must_fit_the_rows():
+    robot = load_robot("arm3dof")
+    plain = run_loop(PinocchioPlant(robot), MpcController(robot), np.zeros(3), 0.05)
+    with pytest.raises(InputError, match="poses of body 'red'"):
+        replace(plain, bodies={"red": np.zeros((3, 7))})
+    with pytest.raises(InputError, match="gripper has shape"):
+        replace(plain, gripper=np.zeros(2))

@@ -6,8 +6,10 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ from arm3dof.errors import InputError, MissingFile
 from arm3dof.files import write_atomically
 from arm3dof.model.build import robot_from_description
 from arm3dof.model.robot import Description, Limits, Robot
+from arm3dof.sim.world import World
 from arm3dof.state import Array, frozen_array
 
 _FORMAT = 1
@@ -44,6 +47,10 @@ class Recording:
         limits: the robot's limits.
         robot: the description from which the robot can be built again.
         notes: what else is worth keeping, as text by name.
+        gripper: opening of the gripper, shape (n,) [m]; ``None`` where it did not move.
+        world: what stood around the arm at the start; ``None`` for nothing.
+        bodies: poses of the world's bodies by name in the base frame, each x, y, z and the
+            quaternion x, y, z, w of its middle, shape (n, 7) [m].
     """
 
     t: Array
@@ -62,6 +69,9 @@ class Recording:
     limits: Limits
     robot: Description
     notes: Mapping[str, str]
+    gripper: Array | None = None
+    world: World | None = None
+    bodies: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         t = frozen_array(self.t, None, name="t")
@@ -78,6 +88,14 @@ class Recording:
             self, "step_time", frozen_array(self.step_time, t.size, name="step_time")
         )
         object.__setattr__(self, "q_target", frozen_array(self.q_target, nv, name="q_target"))
+        if self.gripper is not None:
+            gripper = frozen_array(self.gripper, t.size, name="gripper")
+            object.__setattr__(self, "gripper", gripper)
+        poses = {
+            name: frozen_array(rows, t.size, 7, name=f"poses of body '{name}'")
+            for name, rows in self.bodies.items()
+        }
+        object.__setattr__(self, "bodies", MappingProxyType(poses))
 
     def __len__(self) -> int:
         return int(self.t.size)
@@ -105,11 +123,16 @@ class Recording:
             "tool_frame": self.tool_frame,
             "robot": self.robot.to_dict(),
             "notes": dict(self.notes),
+            "world": None if self.world is None else self.world.to_dict(),
+            "bodies": list(self.bodies),
         }
         arrays = {name: getattr(self, name) for name in _COLUMNS}
         arrays["q_target"] = self.q_target
         for name in ("q_min", "q_max", "v_max", "tau_max"):
             arrays[name] = getattr(self.limits, name)
+        if self.gripper is not None:
+            arrays["gripper"] = self.gripper
+        arrays |= {f"body_{index}": rows for index, rows in enumerate(self.bodies.values())}
         buffer = io.BytesIO()
         np.savez_compressed(buffer, header=np.array(json.dumps(header)), **arrays)
         write_atomically(path, buffer.getvalue())
@@ -135,6 +158,10 @@ class Recording:
                         f"this version reads format {_FORMAT}"
                     )
                 columns = {name: file[name] for name in (*_COLUMNS, "q_target")}
+                bodies = {
+                    name: file[f"body_{index}"]
+                    for index, name in enumerate(header.get("bodies", ()))
+                }
                 limits = Limits(*(file[name] for name in ("q_min", "q_max", "v_max", "tau_max")))
                 return Recording(
                     **columns,
@@ -144,6 +171,9 @@ class Recording:
                     limits=limits,
                     robot=Description.from_dict(header["robot"]),
                     notes=header["notes"],
+                    gripper=file.get("gripper"),
+                    world=_world(header.get("world")),
+                    bodies=bodies,
                 )
         except (zipfile.BadZipFile, OSError, EOFError, KeyError, TypeError, ValueError) as error:
             if isinstance(error, InputError):
@@ -151,6 +181,10 @@ class Recording:
             raise InputError(
                 f"{path}: not a recording of arm3dof ({error}); give a run.npz"
             ) from None
+
+
+def _world(values: Mapping[str, Any] | None) -> World | None:
+    return None if values is None else World.from_dict(values)
 
 
 def status_counts(recording: Recording) -> dict[str, int]:

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from types import MappingProxyType
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -166,10 +166,37 @@ class World:
         known = ", ".join(body.name for body in self.bodies) or "none"
         raise InputError(f"no body '{name}'; this world has: {known}")
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the world as values that JSON can hold."""
+        return asdict(self)
+
+    @staticmethod
+    def from_dict(values: Mapping[str, Any]) -> World:
+        """Return the world that ``to_dict`` wrote.
+
+        Raises:
+            KeyError: a value is missing.
+            TypeError: there is a value that a world does not have.
+            InputError: a value is impossible.
+        """
+        parts = ("table", "bodies", "bins")
+        plain = {name: value for name, value in values.items() if name not in parts}
+        return World(
+            table=Table(**_tuples(values["table"])),
+            bodies=tuple(Body(**_tuples(body)) for body in values["bodies"]),
+            bins=tuple(Bin(**_tuples(tray)) for tray in values["bins"]),
+            **plain,
+        )
+
     def on_table(self, x: float, y: float) -> bool:
         """Whether a point lies on the table."""
         centre, half = self.table.centre, self.table.half_size
         return abs(x - centre[0]) <= half[0] and abs(y - centre[1]) <= half[1]
+
+
+def _tuples(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return keyword arguments with the lists of JSON as tuples."""
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
 
 
 def _apart(first: Body, second: Body) -> float:

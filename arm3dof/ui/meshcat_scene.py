@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from arm3dof.model.gripper import Gripper, find_gripper, with_free_gripper
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.metrics import summarise
 from arm3dof.runtime.recording import Recording
@@ -20,6 +21,7 @@ from arm3dof.ui import shapes
 from arm3dof.ui.meshcat_window import Command, MeshcatWindow
 from arm3dof.ui.replay import caption_command, no_replay, replay_command, sample_rows
 from arm3dof.ui.stage import stage_commands, view_command
+from arm3dof.ui.things import draw_world
 from arm3dof.ui.tube import tube
 from arm3dof.ui.visuals import Visual, read_visuals, stick_figure
 
@@ -54,6 +56,7 @@ class RobotDrawing:
             if frame.type == pin.FrameType.BODY
         }
         self._frames = tuple(links.values())
+        self._hand = _Hand.of(robot, tuple(links))
         self.link_names: tuple[str, ...] = tuple(links)
         visuals, missing = read_visuals(robot.description)
         drawn = {visual.link for visual in visuals}
@@ -78,8 +81,15 @@ class RobotDrawing:
             commands.append(shapes.pose(path, visual.placement))
         return commands
 
-    def placements(self, q: Array) -> Array:
-        """Return the pose of each link in the base frame, shape (links, 4, 4)."""
+    def placements(self, q: Array, opening: float | None = None) -> Array:
+        """Return the pose of each link in the base frame, shape (links, 4, 4).
+
+        Args:
+            q: joint positions, shape (nv,) [rad].
+            opening: of the gripper [m]; as the robot's model holds it when ``None``.
+        """
+        if opening is not None and self._hand is not None:
+            return self._hand.placements(q, opening)
         pin.framesForwardKinematics(self._model, self._data, q)
         return np.array([self._data.oMf[index].homogeneous for index in self._frames])
 
@@ -120,6 +130,30 @@ class RobotDrawing:
             np.concatenate([np.zeros((0, 3)), *(visual.outline for visual in visuals)])
             for visuals in found.values()
         ]
+
+
+class _Hand:
+    """A robot whose fingers move: where its links are at any opening of the gripper."""
+
+    def __init__(self, robot: Robot, gripper: Gripper, links: tuple[str, ...]) -> None:
+        self._free, self._gripper, self._links = with_free_gripper(robot, gripper), gripper, links
+        names = self._free.joint_names
+        self._arm = [names.index(name) for name in robot.joint_names]
+        self._fingers = [names.index(name) for name in gripper.joints]
+        self._q = np.zeros(self._free.nv)
+
+    @staticmethod
+    def of(robot: Robot, links: tuple[str, ...]) -> _Hand | None:
+        """Return the hand of a robot; None for a robot without one."""
+        gripper = find_gripper(robot)
+        return None if gripper is None else _Hand(robot, gripper, links)
+
+    def placements(self, q: Array, opening: float) -> Array:
+        """Return the pose of each link in the base frame, shape (links, 4, 4)."""
+        driven = self._gripper.position_of(opening)
+        follower = self._gripper.follower.multiplier * driven + self._gripper.follower.offset
+        self._q[self._arm], self._q[self._fingers] = q, (driven, follower)
+        return np.array([it.homogeneous for it in self._free.placements(self._q, self._links)])
 
 
 class Scene:
@@ -243,6 +277,8 @@ class Scene:
     def show_recording(self, recording: Recording) -> None:
         """Play a recording in a loop, with its target, the tool's path and its verdict.
 
+        Where it tells of a gripper and of objects, the fingers and the objects move too.
+
         Args:
             recording: a run of this robot.
         """
@@ -253,6 +289,8 @@ class Scene:
         self.show_path(np.array(path).reshape(-1, 3))
         self.show_target(robot.placement(recording.q_target).translation)
         self._replays = True
+        if recording.world is not None:
+            self.window.post(*draw_world(recording.world))
         self.window.post(
             caption_command(robot.name, recording, summarise(recording)),
             replay_command(recording, robot, self.drawing),

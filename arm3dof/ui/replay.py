@@ -13,6 +13,7 @@ from arm3dof.runtime.recording import Recording
 from arm3dof.state import Array
 from arm3dof.ui.meshcat_window import Command
 from arm3dof.ui.shapes import typed_array
+from arm3dof.ui.things import thing_path
 
 if TYPE_CHECKING:
     from arm3dof.ui.meshcat_scene import RobotDrawing
@@ -44,14 +45,21 @@ def replay_command(recording: Recording, robot: Robot, drawing: RobotDrawing) ->
     """
     times, rate = frame_times(recording)
     q = at_times(recording, recording.q, times)
-    poses = np.array([_flat_poses(drawing.placements(row)) for row in q])
+    rows = np.searchsorted(recording.t, times).clip(0, len(recording) - 1)
+    openings = [None] * len(q) if recording.gripper is None else recording.gripper[rows].tolist()
+    links = [drawing.placements(*it) for it in zip(q, openings, strict=True)]
+    things = [poses[rows] for poses in recording.bodies.values()]
+    poses = np.concatenate([np.array([_flat_poses(it) for it in links]), *things], axis=1)
     turns = np.array([is_turning(robot, joint) for joint in range(robot.nv)])
     position = np.where(turns, np.rad2deg(q), 1000 * q)
     return {
         "type": "replay",
         "frames": len(times),
         "fps": rate,
-        "paths": [drawing.node(name) for name in drawing.link_names],
+        "paths": [
+            *(drawing.node(name) for name in drawing.link_names),
+            *(thing_path(name) for name in recording.bodies),
+        ],
         "poses": typed_array(poses.ravel()),
         "joints": [
             {

@@ -1,0 +1,80 @@
+"""The objects and bins of a world, as the 3-D page shows them: ``/things/NAME``, ``/bins/NAME``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from arm3dof.sim.world import Bin, Body, World
+from arm3dof.state import Array
+from arm3dof.ui import shapes
+from arm3dof.ui.meshcat_window import Command
+
+_WALL = 0.003  # thickness of a bin's walls [m]
+_BELLY = 0.7  # share of a bottle's height, below its neck
+_NECK = 0.4  # width of a bottle's neck, as a share of the belly's
+
+
+def draw_world(world: World) -> list[Command]:
+    """Return the commands that draw a world's objects, standing where it says, and its bins."""
+    commands = [shapes.delete("/things"), shapes.delete("/bins")]
+    for body in world.bodies:
+        commands += _draw_body(body)
+        transform = pin.SE3(
+            pin.utils.rotate("z", body.yaw),
+            np.array([body.x, body.y, world.table.height + body.height_m / 2]),
+        )
+        commands.append(shapes.pose(thing_path(body.name), transform.homogeneous))
+    for tray in world.bins:
+        commands += _draw_bin(tray, world.table.height)
+    return commands
+
+
+def body_poses(poses: Mapping[str, Array]) -> list[Command]:
+    """Return the commands that put objects where they are.
+
+    Args:
+        poses: x, y, z and the quaternion x, y, z, w of each object's middle, shape (7,).
+    """
+    return [
+        shapes.pose(thing_path(name), pin.XYZQUATToSE3(row).homogeneous)
+        for name, row in poses.items()
+    ]
+
+
+def thing_path(name: str) -> str:
+    """Return the path of an object's node."""
+    return f"/things/{name}"
+
+
+def _draw_body(body: Body) -> Iterator[Command]:
+    path, look = thing_path(body.name), shapes.material(body.colour)
+    radius, height = body.width_m / 2, body.height_m
+    if body.shape == "cube":
+        yield shapes.draw(f"{path}/0", shapes.box((body.width_m, body.width_m, height)), look)
+    elif body.shape == "cylinder":
+        yield shapes.draw(f"{path}/0", shapes.cylinder(radius, height), look)
+    else:
+        yield shapes.draw(f"{path}/0", shapes.cylinder(radius, _BELLY * height), look)
+        yield shapes.move(f"{path}/0", (0, 0, (_BELLY - 1) / 2 * height))
+        neck = shapes.cylinder(_NECK * radius, (1 - _BELLY) * height)
+        yield shapes.draw(f"{path}/1", neck, look)
+        yield shapes.move(f"{path}/1", (0, 0, _BELLY / 2 * height))
+
+
+def _draw_bin(tray: Bin, floor: float) -> Iterator[Command]:
+    path, look = f"/bins/{tray.name}", shapes.material(tray.colour)
+    x, y = tray.half_size
+    yield shapes.draw(f"{path}/floor", shapes.box((2 * x, 2 * y, 0.0008)), look)
+    yield shapes.move(f"{path}/floor", (0, 0, 0.0004))
+    for number, side in enumerate((-1.0, 1.0)):
+        for name, at, size in (
+            ("x", (side * (x + _WALL / 2), 0.0), (_WALL, 2 * y + 2 * _WALL)),
+            ("y", (0.0, side * (y + _WALL / 2)), (2 * x, _WALL)),
+        ):
+            node = f"{path}/{name}{number}"
+            yield shapes.draw(node, shapes.box((*size, tray.wall_m)), look)
+            yield shapes.move(node, (*at, tray.wall_m / 2))
+    yield shapes.move(path, (tray.x, tray.y, floor))
