@@ -96,11 +96,11 @@ class LoadEstimator:
         self.load = min(max(load, 0.0), self._most_load)
         self.mass_error = min(max(error, _MASS_ERROR_RANGE[0]), _MASS_ERROR_RANGE[1])
 
-    def remainder(self) -> Array:
-        """Return the torque of the last motion that the taught robot leaves open, (nv,) [N m]."""
-        unexplained, per_load, rigid = self._motion
+    def explained(self) -> Array:
+        """Return the torque of the last motion that load and mass error explain, (nv,) [N m]."""
+        _, per_load, rigid = self._motion
         load, error = self._taught
-        return np.asarray(unexplained - load * per_load - error * rigid)
+        return np.asarray(load * per_load + error * rigid)
 
     def teach(self, robot: Robot) -> bool:
         """Give what was learned to a robot that belongs to the controller alone.

@@ -49,14 +49,11 @@ class MpcController:
     def __init__(self, robot: Robot, settings: MpcSettings | None = None) -> None:
         self.robot = robot.clone()
         self.settings = settings or MpcSettings()
-        self.observer = Observer(
-            self.robot, self.settings.dt, self.settings.gain, self.settings.delay
-        )
-        self._formulation: Formulation = _FORMULATIONS[self.settings.formulation](
-            self.robot, self.settings
-        )
-        self._solver = ProgramSolver(self.settings.qp_settings)
-        self._fallback = Fallback(self.robot, self.settings.dt, self.settings.plan_validity)
+        wish = self.settings
+        self.observer = Observer(self.robot, wish.dt, wish.gain, wish.delay, wish.measurement_noise)
+        self._formulation: Formulation = _FORMULATIONS[wish.formulation](self.robot, wish)
+        self._solver = ProgramSolver(wish.qp_settings)
+        self._fallback = Fallback(self.robot, wish.dt, wish.plan_validity)
         tau_max = robot.limits.tau_max
         self._friction = np.minimum(robot.friction, _FRICTION_SHARE * tau_max)
         scale = max(float(np.abs(self._formulation.weights.Q).max()), 1e-6)
@@ -97,17 +94,14 @@ class MpcController:
             InputError: the state or the target belongs to a robot with another number of joints.
         """
         start = time.perf_counter()
-        if state.q.size != self.robot.nv:
-            raise InputError(
-                f"the state has {state.q.size} joints; {self.robot.name} has {self.robot.nv}"
-            )
+        self._check_size(state)
         reference = self._reference(state, target)
         if not self._is_plausible(state):
             self.observer.lose()
             return self._fall_back(None, reference, ControlStatus.BAD_MEASUREMENT, start)
         if self.observer.measure(state):
             self._formulation.reset()  # the masses that its torque rows hold are out of date
-        state = self.observer.predict(state)
+        state = self.observer.predict(state.t)
         if not np.isfinite(reference.q).all():
             return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)
         if self._target_jumped(reference) or self.observer.jumped:
@@ -130,6 +124,21 @@ class MpcController:
         answer = Answer(tau, rigid, u, plan, TorqueSource.OPTIMUM)
         return self._finish(answer, reference, status, start)
 
+    def observe(self, state: JointState) -> None:
+        """Take note of what was measured between two steps, at the rate of the encoders.
+
+        It costs next to nothing and is not needed; under noise many readings tell more than one.
+        They have to be evenly spaced, with ``step``'s measurement the last of them.
+
+        Args:
+            state: measured state.
+
+        Raises:
+            InputError: the state belongs to a robot with another number of joints.
+        """
+        self._check_size(state)
+        self.observer.filter.observe(state)
+
     def optimise(self, state: JointState, target: Target) -> Optimum:
         """Return the optimum of one step from scratch, for study; the controller is unchanged.
 
@@ -146,6 +155,12 @@ class MpcController:
         if optimum is None:
             raise InputError(f"no program follows from q = {state.q}, v = {state.v}")
         return optimum
+
+    def _check_size(self, state: JointState) -> None:
+        if state.q.size != self.robot.nv:
+            raise InputError(
+                f"the state has {state.q.size} joints; {self.robot.name} has {self.robot.nv}"
+            )
 
     def _forget_plan(self) -> None:
         self._formulation.reset()

@@ -1,9 +1,9 @@
-"""What the controller learns from how the arm answered: load, disturbance, where it will be.
+"""What the controller learns from how the arm answered: state, load, disturbance, what is coming.
 
 A command holds a torque for one sample, and was meant to give a known acceleration. What the arm
-did instead shows what the model misses (``load``), and what is left of that is a disturbance
-torque. The intended accelerations also tell where the arm will be when a command that is computed
-now begins to act.
+did instead, as far as it is no noise (``estimator``), shows what the model misses (``load``), and
+what is left of that is a disturbance torque. The intended accelerations also tell where the arm
+will be when a command that is computed now begins to act.
 """
 
 from __future__ import annotations
@@ -12,39 +12,47 @@ from collections import deque
 
 import numpy as np
 
+from arm3dof.control.estimator import StateEstimator
 from arm3dof.control.load import LoadEstimator
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState
 
 _JUMP = 0.05  # [rad]: a position this far from where the velocities lead has jumped
+_JUMP_NOISE = 6.0  # and so many standard deviations of its noise farther
 
 _MOST_UNEXPLAINED = 3.0  # torque that may come from outside, in multiples of the joint's own
 
 
 class Observer:
-    """Estimates load and disturbance, and predicts the state over the declared delay.
+    """Estimates state, load and disturbance, and predicts the state over the declared delay.
 
     Attributes:
         disturbance: estimated torque that acts beside the commanded one, shape (nv,) [N m].
         estimator: what is known about the load.
+        filter: what is known about state and noise.
         jumped: whether the last measured position does not follow from the one before it and the
             velocities; such a step teaches nothing about torques.
     """
 
-    def __init__(self, robot: Robot, dt: float, gain: float, delay: float) -> None:
+    def __init__(
+        self, robot: Robot, dt: float, gain: float, delay: float, noise: float | None = 0.0
+    ) -> None:
         """Create an observer that has seen nothing.
 
         Args:
             robot: the controller's own robot; it is taught what is learned about the load.
             dt: time between steps [s].
             gain: share of an unexplained torque that is learned in each step, 0 to 1; 0 learns
-                nothing at all.
+                nothing at all. Under noise less is learned.
             delay: time from a measurement to when the torque computed from it acts [s].
+            noise: standard deviation of measured positions [rad]; ``None`` to learn it, 0 to
+                believe every measurement.
         """
         self._robot, self._dt, self._gain = robot, dt, gain
         self._whole = int(delay / dt + 1e-9)
         self._part = max(delay - self._whole * dt, 0.0)
         self.estimator = LoadEstimator(robot)
+        self.filter = StateEstimator(robot.nv, dt, gain, noise)
         self.reset()
 
     def reset(self) -> None:
@@ -53,6 +61,7 @@ class Observer:
         self.disturbance = nothing
         self.estimator.reset()
         self.estimator.teach(self._robot)
+        self.filter.reset()
         # acceleration and torque of the commands that act or are on their way, oldest first
         length = self._whole + 2
         self._commands = deque([(nothing, nothing)] * length, maxlen=length)
@@ -66,22 +75,42 @@ class Observer:
         Returns:
             Whether the robot was taught other masses.
         """
-        taught = False
-        self.jumped = self._last is None or self._has_jumped(self._last, state)
-        if self._last is not None and not self.jumped and self._gain > 0:
-            taught = self._learn(self._last, state)
-        self._last = state
-        return taught
+        last, self._last = self._last, state
+        self.jumped = True
+        if last is not None:
+            half = self._dt / 2
+            gap = state.q - last.q - half * (last.v + state.v)
+            most = _JUMP + _JUMP_NOISE * self.filter.noise + half * np.abs(state.v - last.v)
+            self.jumped = bool((np.abs(gap) > most).any())
+        if self.jumped or self._known < len(self._commands):
+            self.filter.restart(state)  # what acted before the first command is not known
+            return False
+        share = self._part / self._dt
+        u, torque = (
+            share * before + (1 - share) * now
+            for before, now in zip(self._commands[0], self._commands[1], strict=True)
+        )
+        q, v = self.filter.q, self.filter.v
+        lasting = self.filter.update(u, gap, state)
+        if self._gain == 0:
+            return False
+        middle = (q + self.filter.q) / 2, (v + self.filter.v) / 2
+        return self._learn(*middle, u + lasting / self._gain, torque)
 
     def lose(self) -> None:
         """Note that this step's measurement cannot be believed."""
         self._last, self.jumped = None, True
+        self.filter.drop_readings()
 
-    def predict(self, state: JointState) -> JointState:
-        """Return the state at the time when a command computed now begins to act."""
+    def predict(self, t: float) -> JointState:
+        """Return the state when a command computed now begins to act.
+
+        Args:
+            t: time of the last measurement [s].
+        """
+        q, v = self.filter.q, self.filter.v
         if self._whole == 0 and self._part == 0.0:
-            return state
-        t, q, v = state.t, np.array(state.q), np.array(state.v)
+            return JointState(t, q, v)
         spans = [self._part] + [self._dt] * self._whole
         for span, (u, _) in zip(spans, list(self._commands)[1:], strict=True):
             t, q, v = t + span, q + span * v + span**2 / 2 * u, v + span * u
@@ -97,25 +126,18 @@ class Observer:
         self._commands.append((acceleration, torque))
         self._known += 1
 
-    def _learn(self, last: JointState, state: JointState) -> bool:
-        if self._known < len(self._commands):
-            return False  # what acted before the first command is not known
-        share = self._part / self._dt
-        torque = share * self._commands[0][1] + (1 - share) * self._commands[1][1]
-        acceleration = (state.v - last.v) / self._dt
-        q, v = (last.q + state.q) / 2, (last.v + state.v) / 2
-        most = _MOST_UNEXPLAINED * self._robot.limits.tau_max
-        if (np.abs(self.estimator.unexplained(q, v, acceleration, torque)) > most).any():
+    def _learn(self, q: Array, v: Array, acceleration: Array, torque: Array) -> bool:
+        limit = self._robot.limits.tau_max
+        unexplained = self.estimator.unexplained(q, v, acceleration, torque)
+        if (np.abs(unexplained) > _MOST_UNEXPLAINED * limit).any():
             self.jumped = True  # no load or push does this: the measurements do not belong together
             return False
         self.estimator.learn()
+        explained = self.estimator.explained()
+        surprise = unexplained - explained + self.disturbance
         taught = self.estimator.teach(self._robot)
-        limit = self._robot.limits.tau_max
-        learned = self.disturbance - self._gain * (self.estimator.remainder() + self.disturbance)
+        # what load and masses explain from now on is no longer a disturbance, and the reverse
+        moved = self.estimator.explained() - explained
+        learned = self.disturbance + moved - self._gain * surprise
         self.disturbance = np.minimum(np.maximum(learned, -limit), limit)
         return taught
-
-    def _has_jumped(self, last: JointState, state: JointState) -> bool:
-        half = self._dt / 2
-        gap = np.abs(state.q - last.q - half * (last.v + state.v))
-        return bool((gap > _JUMP + half * np.abs(state.v - last.v)).any())

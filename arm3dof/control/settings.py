@@ -45,6 +45,9 @@ class MpcSettings:
             from the torque that holds the arm; ``None``: any. A fallback may exceed it.
         observer_gain: share of an unexplained torque that is taken for a disturbance in each
             step, from 0 (no observer) to 1; ``None`` takes 0 for ``"paper"`` and 0.5 otherwise.
+        measurement_noise: standard deviation of measured positions [rad], against which the state
+            is filtered; ``None`` learns it from the measurements (``"paper"``: takes 0), 0
+            believes every measurement.
         delay: time from a measurement to when the torque computed from it acts [s]; the state is
             predicted over it.
         limit_weight: price of leaving a velocity or joint limit, in multiples of the largest
@@ -71,6 +74,7 @@ class MpcSettings:
     blocks: tuple[int, ...] | None = None
     torque_rate: ArrayLike | None = None
     observer_gain: float | None = None
+    measurement_noise: float | None = None
     delay: float = 0.0
     limit_weight: float = 1000.0
     max_iterations: int = 20
@@ -103,6 +107,12 @@ class MpcSettings:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise InputError(f"{name} is {value!r}; give 0 or more seconds")
+        if self.measurement_noise is None and self.formulation == "paper":
+            object.__setattr__(self, "measurement_noise", 0.0)
+        if self.measurement_noise is not None and not 0 <= self.measurement_noise < np.inf:
+            raise InputError(
+                f"measurement_noise is {self.measurement_noise!r}; give 0 or more radians, or None"
+            )
         if self.max_step_time is not None:
             _positive("max_step_time", self.max_step_time)
         QpSettings(tolerance=self.tolerance, max_iterations=self.max_iterations)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from arm3dof.control.reference import Target
 from arm3dof.state import Array, JointState
@@ -94,3 +94,11 @@ class Controller(Protocol):
 
     def reset(self) -> None:
         """Forget the past: the next step is as if it were the first."""
+
+
+@runtime_checkable
+class ReadsBetweenSteps(Protocol):
+    """A controller that makes use of what encoders tell between two of its steps."""
+
+    def observe(self, state: JointState) -> None:
+        """Take note of a measurement between two steps."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from arm3dof.control.reference import Target, sample_target
-from arm3dof.control.step import Controller, ControlStep
+from arm3dof.control.step import Controller, ControlStep, ReadsBetweenSteps
 from arm3dof.errors import InputError
 from arm3dof.runtime.recording import Recording
 from arm3dof.sim.plant import Plant
@@ -28,7 +28,8 @@ def run_loop(
 ) -> Recording:
     """Drive a plant from its present state towards a target and record every plant step.
 
-    The controller is told what the plant measures. The recording holds the true states, and the
+    The controller is told what the plant measures, also between its steps if it makes use of that
+    (``ReadsBetweenSteps``). The recording holds the true states, and the
     torques that the motors truly gave; behind a delay they are the controller's of some time ago.
 
     Args:
@@ -54,6 +55,7 @@ def run_loop(
     t, step_time = np.empty(rows), np.full(rows, np.nan)
     q, v, tau, u = (np.empty((rows, nv)) for _ in range(4))
     status, source = np.empty(rows, np.int8), np.empty(rows, np.int8)
+    reader = controller if isinstance(controller, ReadsBetweenSteps) else None
     state = plant.state
     for row in range(rows):
         if row % hold == 0:
@@ -62,6 +64,8 @@ def run_loop(
             step_time[row] = answer.solve_time
             for observe in observers:
                 observe(measured, answer)
+        elif reader is not None:
+            reader.observe(plant.measure())
         t[row], q[row], v[row] = state.t, state.q, state.v
         u[row], status[row], source[row] = answer.u, answer.status, answer.source
         state = plant.step(answer.tau)

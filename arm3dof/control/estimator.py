@@ -1,0 +1,169 @@
+"""Where the arm is and what accelerates it, from noisy encoders: a Kalman filter a joint.
+
+The filter's model and gains are those of ``kalman``. Its two levels are learned on the way. The
+noise comes from the measurements alone: within a sample, from how far readings are from a smooth
+curve; where there is one reading a sample, from how far a position is from where the velocities
+lead while the arm moves little. And how much happens that nobody expects comes from the
+innovations: one that is larger than noise explains is a surprise, after which the filter is fast
+for a while and then calms down (innovation-based adaptation: Mehra 1972).
+
+Without noise the filter believes every measurement, as if it were not there.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from arm3dof.control.kalman import VELOCITY_NOISE, Gains, gains, sensor
+from arm3dof.state import Array, JointState
+
+_LEAST_SURPRISE = 0.1  # [rad/s^2]: standard deviation of unexpected accelerations at rest
+_SURPRISING = 4.0  # an innovation of more standard deviations than that is no noise
+_CALMING = 0.7  # share of a surprise that is left one step later
+_NEGLIGIBLE = 1e-7  # [rad]: less noise than that is none
+
+_FEWEST = 8  # readings in a sample, of which something can be made
+_MOST = 1000  # and as many as are kept
+_SMOOTH = 4  # degrees of freedom of a smooth curve through them
+_ROUGHNESS_MEMORY = 0.8  # weight of the past in what is known of the noise, in each step
+_GAP_MEMORY = 0.98
+_SLOW = (1.0, 0.3)  # [rad/s^2, rad/s]: motion in which a gap begins to tell less about noise
+
+
+class StateEstimator:
+    """Estimates the state of all joints, and how much of what happened was not expected.
+
+    Attributes:
+        q: estimated positions, shape (nv,) [rad].
+        v: estimated velocities, shape (nv,) [rad/s].
+        noise: believed standard deviation of a measured position, shape (nv,) [rad].
+    """
+
+    def __init__(self, nv: int, dt: float, learning: float, noise: float | None) -> None:
+        """Create an estimator that has seen nothing.
+
+        Args:
+            nv: number of joints.
+            dt: time between updates [s].
+            learning: share of an unexpected acceleration that is taken to last without noise.
+            noise: standard deviation of measured positions [rad]; ``None`` to learn it.
+        """
+        self._nv, self._dt, self._learning, self._given = nv, dt, learning, noise
+        # a surprise is read from the most telling measurements: [q, v], or [mean, slope]
+        self._telling = {
+            2: np.array([2 / dt**2, 1 / dt]),
+            4: np.array([0.0, 0.0, 6 / dt**2, 2 / dt]),
+        }
+        self._readings, self._first_time = np.empty((_MOST, nv)), 0.0
+        self._gap_variance = 2.0 + (VELOCITY_NOISE * dt) ** 2 / 2  # of noise of variance 1
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self.noise = np.full(self._nv, self._given or 0.0)
+        self._variance, self._weight = np.zeros(self._nv), 0.0
+        self.restart(JointState(0.0, np.zeros(self._nv), np.zeros(self._nv)))
+
+    def restart(self, state: JointState) -> None:
+        """Believe a measurement that does not follow from those before."""
+        self.q, self.v = state.q, state.v
+        self._surprise = np.full(self._nv, _LEAST_SURPRISE)
+        self._read = 0
+
+    def drop_readings(self) -> None:
+        """Forget the readings since the last update."""
+        self._read = 0
+
+    def observe(self, state: JointState) -> None:
+        """Take note of a reading between two updates."""
+        if self._read == 0:
+            self._first_time = state.t
+        if self._read + 1 < len(self._readings):
+            self._readings[self._read] = state.q
+            self._read += 1
+
+    def update(self, u: Array, gap: Array, state: JointState) -> Array:
+        """Take in a measurement at the end of a sample.
+
+        Args:
+            u: expected acceleration since the last measurement, shape (nv,) [rad/s^2].
+            gap: how far the measured position is from where the last one and the mean of the two
+                measured velocities lead, shape (nv,) [rad].
+            state: the measurement.
+
+        Returns:
+            The acceleration beyond ``u`` that is expected to last, shape (nv,) [rad/s^2].
+        """
+        dt, readings = self._dt, self._sample(state)
+        if self._given is None and readings is None:
+            self._learn_from_gap(gap, u)
+        elif self._given is None and readings is not None:
+            self._learn_from_roughness(readings)
+        v = self.v + dt * u
+        q = self.q + dt / 2 * (self.v + v)
+        if self.noise.max() < _NEGLIGIBLE:
+            self.q, self.v = state.q, state.v
+            return np.asarray(self._learning / dt * (state.v - v))
+        count = 1 if readings is None else len(readings)
+        new = np.empty((self._nv, 2 if readings is None else 4))
+        new[:, 0], new[:, 1] = state.q - q, state.v - v
+        if readings is not None:
+            seen = sensor(dt, count)
+            new[:, 2:] = (seen.summary @ readings - seen.of_state[2:] @ np.array([q, v, u])).T
+        change = self._weigh(new, gains(dt, self._learning, count))
+        self.q, self.v = q + change[:, 0], v + change[:, 1]
+        return np.asarray(change[:, 2])
+
+    def _weigh(self, new: Array, table: Gains) -> Array:
+        """Return what innovations change in [q, v, d], shape (nv, 3), and be surprised by them."""
+        telling = self._telling[new.shape[1]]
+        scale = self.noise / self._dt**2
+        row = table.edges.searchsorted(scale / self._surprise)
+        expected = _SURPRISING * self._surprise[:, np.newaxis] * table.spread[row]
+        beyond = ((np.abs(new) - expected) * telling).max(axis=1)
+        if (beyond > self._surprise).any():
+            self._surprise = np.maximum(self._surprise, beyond)
+            row = table.edges.searchsorted(scale / self._surprise)
+        self._surprise = np.maximum(_CALMING * self._surprise, _LEAST_SURPRISE)
+        return np.asarray(np.matmul(table.gain[row], new[:, :, np.newaxis])[:, :, 0])
+
+    def _sample(self, state: JointState) -> Array | None:
+        """Return the readings of a sample, shape (count, nv), if they are many and evenly spaced.
+
+        Only first and last times are looked at.
+        """
+        count, self._read = self._read + 1, 0
+        if count < _FEWEST:
+            return None
+        if abs(state.t - self._first_time - self._dt * (1 - 1 / count)) > 1e-3 * self._dt:
+            return None
+        self._readings[count - 1] = state.q
+        readings = self._readings[:count]
+        return readings if np.isfinite(readings).all() else None
+
+    def _learn_from_roughness(self, readings: Array) -> None:
+        """Learn the noise from how far readings are from a smooth curve through them."""
+        rough = _roughness(len(readings)) @ (readings - readings[-1])
+        variance = (rough * rough).sum(axis=0) / (len(readings) - _SMOOTH)
+        self._weight = _ROUGHNESS_MEMORY * self._weight + 1.0
+        self._variance += (variance - self._variance) / self._weight
+        self.noise = np.sqrt(self._variance)
+
+    def _learn_from_gap(self, gap: Array, u: Array) -> None:
+        """Learn the noise from how far a position is from where the velocities lead."""
+        fastest = max(abs(speed) for speed in self.v.tolist())
+        hardest = max(abs(acceleration) for acceleration in u.tolist())
+        weight = (1.0 + (hardest / _SLOW[0]) ** 2 + (fastest / _SLOW[1]) ** 2) ** -2
+        self._weight = _GAP_MEMORY * self._weight + weight
+        share = weight / (self._weight + 1.0)  # 1: the belief that there is none, to begin with
+        self._variance = (1 - share) * self._variance + share / self._gap_variance * gap**2
+        self.noise = np.sqrt(self._variance)
+
+
+@lru_cache(maxsize=16)
+def _roughness(count: int) -> Array:
+    """Return the projection of evenly spaced readings on what no smooth curve explains."""
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, count), _SMOOTH))
+    return np.asarray(np.eye(count) - basis @ basis.T)
