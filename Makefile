@@ -56,6 +56,7 @@ bench: $(DEV)  ## measure, in turns with the peers, and print and keep the table
 
 images: $(DEV)  ## draw the pictures that the README and the docs show
 	$(BIN)/python tools/make_control_figures.py
+	$(BIN)/python tools/make_physics_figure.py
 	$(BIN)/python tools/make_images.py
 
 clean:  ## remove the environments and everything that was built

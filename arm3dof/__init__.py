@@ -2,7 +2,8 @@
 
 The names below are the package's public surface. Each is imported when it is first used, so that
 ``import arm3dof`` is quick and ``arm3dof doctor`` can speak even when Pinocchio cannot be loaded.
-Colour vision, drawing and the browser page live in ``arm3dof.vision`` and ``arm3dof.ui``.
+Colour vision, the physics world, drawing and the browser page live in ``arm3dof.vision``,
+``arm3dof.sim`` and ``arm3dof.ui``.
 """
 
 from __future__ import annotations

@@ -182,7 +182,7 @@ def test_a_sticky_servo_holds_what_friction_can_hold(robot):
     plant.reset(at(q))
     for _ in range(1000):
         plant.step(robot.gravity(q) + 0.08)
-    np.testing.assert_allclose(plant.state.q, q, atol=2e-3)
+    np.testing.assert_allclose(plant.state.q, q, atol=2e-4)
 
 
 # ---- disturbances ------------------------------------------------------------------------------

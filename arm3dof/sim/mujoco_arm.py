@@ -25,6 +25,7 @@ FIRM = (0.004, 1.0)
 """Time constant [s] and damping ratio of contacts."""
 HARD = (0.95, 0.99, 0.0005, 0.5, 2.0)
 """How contacts take up force as they are pressed in: MuJoCo's ``solimp``."""
+_STICKING = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # a joint's friction: what it can hold stands still
 _TORSION, _ROLLING = 0.01, 0.0001  # radius of a pad's patch against twisting, and rolling [m]
 VISIBLE, _HIDDEN = 1, 3
 """Groups of shapes: cameras draw the first."""
@@ -67,6 +68,7 @@ def add_arm(spec: mujoco.MjSpec, robot: Robot, gripper: Gripper | None, grip: fl
             range=(joint.lower, joint.upper) if limited else (0.0, 0.0),
             solref_limit=_END_STOP,
             solref_friction=FIRM,
+            solimp_friction=_STICKING,
             damping=damping(joint.damping),
             frictionloss=joint.friction,
         )

@@ -14,7 +14,7 @@ from arm3dof.sim.world import World
 WOOD, MATTE = "wood", "matte"
 _TEXEL = 0.002  # size of a point of the wood's picture [m]
 _GAMMA = 2.2
-_AMBIENT, _FILL, _LAMP = 0.34, 0.10, 0.52  # light from all round, from the camera, of the lamp
+_AMBIENT, _FILL, _LAMP = 0.36, 0.22, 0.46  # light from all round, from the camera, of the lamp
 _HORIZON, _ZENITH = (0.62, 0.65, 0.67), (0.86, 0.88, 0.89)
 
 

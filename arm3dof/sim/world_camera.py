@@ -19,8 +19,8 @@ Levels = NDArray[np.int16]
 
 _SUBFRAMES = 5  # moments that a blurred picture is the mean of
 _SPARE = 64  # by how many pixels the noise is larger than the picture, to shift it about
-_SHADOW_MAP = 1024  # [px]
-_SAMPLES = 4
+_SHADOW_MAPS = (1024, 2048, 4096)  # widths of the map that shadows are made with [px]
+_SAMPLES = 4  # places at which a pixel is drawn to smooth its edges
 
 
 class WorldCamera:
@@ -88,7 +88,7 @@ class WorldCamera:
         self._renderer = Renderer(
             plant.model,
             *size,
-            shadows=_SHADOW_MAP if shadows else 0,
+            shadows=_shadow_map(max(size)) if shadows else 0,
             samples=_SAMPLES if smooth else 0,
         )
 
@@ -138,6 +138,11 @@ class WorldCamera:
         noise = bank[row : row + self.height, column : column + self.width]
         noisy: Image = np.clip(picture + noise, 0, 255).astype(np.uint8)
         return noisy
+
+
+def _shadow_map(width: int) -> int:
+    """Return how wide the map of shadows must be for a picture of some width, both [px]."""
+    return next((size for size in _SHADOW_MAPS if size >= 1.2 * width), _SHADOW_MAPS[-1])
 
 
 def _intrinsics(values: ArrayLike) -> Array:
