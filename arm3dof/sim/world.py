@@ -248,6 +248,7 @@ def scatter(
     height_m: tuple[float, float] = (0.04, 0.07),
     mass: tuple[float, float] = (0.010, 0.060),
     shapes: tuple[Shape, ...] = SHAPES,
+    turn: float = 0.17,
     gap_m: float = 0.02,
     bins: tuple[Bin, ...] = (),
 ) -> tuple[Body, ...]:
@@ -262,6 +263,8 @@ def scatter(
         height_m: least and greatest height of what is no cube [m].
         mass: least and greatest mass [kg].
         shapes: which shapes there may be.
+        turn: how far a face may be turned away from the base's axis [rad]: a gripper that cannot
+            turn about the vertical takes a 4 cm cube between pads 5 cm apart up to 0.17.
         gap_m: least distance between two of them, and between one and a bin [m].
         bins: trays that they must not stand in.
 
@@ -276,10 +279,11 @@ def scatter(
             shape: Shape = shapes[int(rng.integers(len(shapes)))]
             width, height = rng.uniform(*width_m), rng.uniform(*height_m)
             size = width, width if shape == "cube" else height, rng.uniform(*mass)
-            yaw = rng.uniform(-math.pi, math.pi)
+            aside = rng.uniform(-turn, turn)
             for _ in range(_TRIES):
-                at = region.draw(rng)
-                body = Body(f"{name}_{index}", shape, *size, colour, *at, yaw)
+                x, y = region.draw(rng)
+                yaw = math.atan2(y, x) + aside
+                body = Body(f"{name}_{index}", shape, *size, colour, x, y, yaw)
                 if all(_apart(body, other) >= gap_m for other in bodies) and not any(
                     _touches(body, tray, gap_m) for tray in bins
                 ):
