@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 
@@ -59,8 +58,8 @@ def studio(
         if error.name and error.name.partition(".")[0] in ("nicegui", "fastapi"):
             raise MissingExtra("the studio", "studio") from None
         raise
-    from arm3dof.runtime.experiment import default_start
     from arm3dof.ui.server import LocalServer
+    from arm3dof.ui.studio.start import home
     from arm3dof.ui.studio.studio import Studio
 
     arm = robot_from(robot, changes)
@@ -74,7 +73,7 @@ def studio(
         output.deliver({"url": url, "robot": arm.name}, as_json=as_json, show=show)
 
     overrides = read_overrides(changes)
-    live = Studio(robot, arm, default_start(arm), eye, folder, overrides=overrides)
+    live = Studio(robot, arm, home(arm), eye, folder, overrides=overrides)
     try:
         serve = partial(LocalServer, build_site(live))
         serve_until_interrupted(serve, port, browser=browser, announce=announce)
@@ -87,11 +86,11 @@ def _eye(where: str, camera_file: str) -> EyeSpec:
     from arm3dof.config.camera_file import load_camera
     from arm3dof.runtime.live.eye import Watch
     from arm3dof.runtime.live.eye_process import EyeSpec
-    from arm3dof.ui.demo_scene import demo_table
+    from arm3dof.ui.studio.start import table
 
     setup = load_camera(camera_file)
     targets = tuple(setup.targets.values())
     watch = Watch(targets, targets[0].name if targets else "")
     if where == "world":
-        return EyeSpec(setup.camera, watch, demo_table(np.random.default_rng(0)))
-    return EyeSpec(setup.camera, watch, int(where) if where.isdecimal() else Path(where))
+        return EyeSpec(setup.camera, watch, table())
+    return EyeSpec(setup.camera, watch, int(where) if where.isdecimal() else where)

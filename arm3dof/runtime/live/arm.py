@@ -240,6 +240,7 @@ class LiveArm:
         frame["tool"] = robot.placement(state.q).translation
         frame["energy"], frame["load"] = self._energy, self._load
         frame["opening"], frame["bodies"] = self.plant.opening, self.plant.bodies
+        frame["fingers"] = self.plant.fingers
         frame["step_time"], frame["control"] = answer.solve_time, controlled
         frame["mode"], frame["status"], frame["source"] = self.mode, answer.status, answer.source
         frame["paused"], frame["run"], frame["version"] = self.paused, self._run, self._version

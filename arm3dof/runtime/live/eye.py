@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
 
 from arm3dof.errors import InputError
+from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.sim.scene import Light, Scene, draw
 from arm3dof.vision.annotate import annotate
 from arm3dof.vision.camera import Camera
@@ -89,7 +90,17 @@ TakePicture = Callable[[Watch], Image]
 """Takes the next picture, as the camera sees it now."""
 
 
-class Eye:
+class PictureSource(Protocol):
+    """Where pictures come from."""
+
+    def take(self, watch: Watch) -> Image:
+        """Return the next picture."""
+
+    def change_robot(self, robot: PackedRobot) -> None:
+        """See another arm from now on, where the source shows one."""
+
+
+class Watcher:
     """Takes pictures and looks at them."""
 
     def __init__(self, take: TakePicture, camera: Camera, watch: Watch) -> None:
@@ -174,6 +185,9 @@ class DrawnCamera:
         self._taken += 1
         return self._pictures[self._taken % len(self._pictures)]
 
+    def change_robot(self, robot: PackedRobot) -> None:
+        """Do nothing: there is no arm in the scene."""
+
     def _draw(self, brightness: float) -> list[Image]:
         sun, camera = self._scene.light, self._camera
         strengths = brightness * sun.strength, brightness * sun.ambient
@@ -206,6 +220,9 @@ class SourceCamera:
         if (image.shape[1], image.shape[0]) != self._size:
             image = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA)
         return np.asarray(image, dtype=np.uint8)
+
+    def change_robot(self, robot: PackedRobot) -> None:
+        """Do nothing: the arm in the picture, if there is one, is what it is."""
 
 
 def endless(open_source: Callable[[], Iterator[Frame]]) -> Iterator[Frame]:

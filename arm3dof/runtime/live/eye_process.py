@@ -15,17 +15,20 @@ from arm3dof.errors import ArmError
 from arm3dof.runtime.live.child import Child, received
 from arm3dof.runtime.live.eye import (
     DrawnCamera,
-    Eye,
     Learned,
     Pick,
+    PictureSource,
     Sight,
     SourceCamera,
-    TakePicture,
     Watch,
+    Watcher,
     endless,
 )
+from arm3dof.runtime.live.frames import Ring
 from arm3dof.runtime.live.process import News
+from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.sim.scene import Scene
+from arm3dof.sim.world import World
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.sources import frames
 
@@ -41,45 +44,66 @@ class EyeSpec:
     Attributes:
         camera: the camera.
         watch: what it looks for at first.
-        source: a drawn scene, or what ``frames`` takes: a folder, a video, a device's number.
+        source: the arm's own world, a drawn scene, or what ``frames`` takes: a folder, a video, a
+            stream's address, a device's number.
     """
 
     camera: Camera
     watch: Watch
-    source: Scene | Path | int
+    source: World | Scene | Path | str | int
 
-    def open(self) -> TakePicture:
-        """Open the source."""
+    def open(self, robot: PackedRobot, ring: Ring) -> PictureSource:
+        """Open the source.
+
+        Args:
+            robot: the arm, as it may be seen in the picture.
+            ring: its frames.
+        """
+        if isinstance(self.source, World):
+            from arm3dof.runtime.live.physics import LiveCamera  # needs MuJoCo
+
+            return LiveCamera(robot, self.source, self.camera, ring)
         if isinstance(self.source, Scene):
-            return DrawnCamera(self.source, self.camera).take
-        return SourceCamera(endless(partial(frames, self.source)), self.camera).take
+            return DrawnCamera(self.source, self.camera)
+        return SourceCamera(endless(partial(frames, self.source)), self.camera)
 
 
 class EyeProcess(Child):
-    """The handle of a running eye; send it ``Watch`` and ``Pick``."""
+    """The handle of a running eye; send it ``Watch``, ``Pick`` and a ``PackedRobot``."""
 
-    def __init__(self, spec: EyeSpec, on_message: Callable[[Sight | Learned | News], None]) -> None:
+    def __init__(
+        self,
+        spec: EyeSpec,
+        robot: PackedRobot,
+        ring: Ring,
+        on_message: Callable[[Sight | Learned | News], None],
+    ) -> None:
         """Start the process.
 
         Args:
             spec: what it looks through.
+            robot: the arm, as it may be seen in the picture.
+            ring: the frames of the arm.
             on_message: called from a thread with each picture and answer.
         """
         self.spec = spec
-        super().__init__("arm3dof-eye", _look, (spec,), on_message)
+        super().__init__("arm3dof-eye", _look, (spec, robot, ring), on_message)
 
 
-def _look(spec: EyeSpec, pipe: Connection) -> None:
+def _look(spec: EyeSpec, robot: PackedRobot, ring: Ring, pipe: Connection) -> None:
     """Be the eye's process."""
     with contextlib.suppress(OSError, AttributeError):
         os.nice(_NICE)
     try:
-        eye = Eye(spec.open(), spec.camera, spec.watch)
+        source = spec.open(robot, ring)
+        eye = Watcher(source.take, spec.camera, spec.watch)
         due = time.monotonic()
         while (messages := received(pipe, max(due - time.monotonic(), 0.0))) is not None:
             for message in messages:
                 if isinstance(message, Watch):
                     eye.watch(message)
+                elif isinstance(message, PackedRobot):
+                    source.change_robot(message)
                 elif isinstance(message, Pick):
                     pipe.send(eye.learn(message))
             if time.monotonic() >= due:

@@ -45,6 +45,7 @@ def frame_type(nv: int, bodies: int = 0) -> np.dtype[np.void]:
     ``disturbance``           torque that the controller blames on others, shape (nv,) [N m]
     ``opening``               of the fingers [m]; NaN for an arm without
     ``bodies``                (x, y, z, qw, qx, qy, qz) of each object, shape (bodies, 7)
+    ``fingers``               positions of the two fingers, shape (2,) [m]; NaN without
     ``mode status source``    ``Mode``, ``ControlStatus``, ``TorqueSource``
     ``step_time``             wall time of the last control step [s]
     ``lateness``              how late this frame's wake-up was [s]
@@ -69,6 +70,7 @@ def frame_type(nv: int, bodies: int = 0) -> np.dtype[np.void]:
             ("plan_q", "f8", (PLAN_ROWS, nv)),
             *((name, "f8") for name in ("energy", "load", "opening", "step_time", "lateness")),
             ("bodies", "f8", (bodies, 7)),
+            ("fingers", "f8", (2,)),
             *((name, "i8") for name in ("plan_rows", "missed", "run", "version")),
             *((name, "i8") for name in ("mode", "status", "source", "paused", "control")),
         ]

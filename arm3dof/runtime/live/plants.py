@@ -37,6 +37,10 @@ class LivePlant(Protocol):
     def bodies(self) -> Array:
         """Pose of each object: (x, y, z, qw, qx, qy, qz), shape (n, 7) [m]."""
 
+    @property
+    def fingers(self) -> Array:
+        """Positions of the two fingers, shape (2,) [m]; NaN for an arm without."""
+
     def measure(self) -> JointState:
         """Return the present state as the sensors tell it."""
 
@@ -66,6 +70,7 @@ class RigidPlant:
         self._plant = PinocchioPlant(robot, dt)
         self.opening = float("nan")
         self.bodies: Array = np.zeros((0, 7))
+        self.fingers: Array = np.full(2, np.nan)
 
     @property
     def robot(self) -> Robot:

@@ -25,6 +25,7 @@ from arm3dof.runtime.live.frames import Mode, Ring, frame_type
 from arm3dof.runtime.live.pace import Clock, Pacer, WallClock
 from arm3dof.runtime.live.plants import RigidPlant
 from arm3dof.runtime.parallel import PackedRobot
+from arm3dof.sim.world import World
 
 SILENCE = 1.0
 """How long the page may say nothing before the arm brakes [s]."""
@@ -39,19 +40,27 @@ class ArmSpec:
         robot: the arm.
         start: joint positions to begin at [rad].
         control: the controller to begin with.
+        world: what stands around the arm, which needs MuJoCo; the arm alone without one.
     """
 
     robot: PackedRobot
     start: tuple[float, ...]
     control: cmd.Control = field(default_factory=cmd.Control)
+    world: World | None = None
 
     def build(self) -> LiveArm:
         """Build the world."""
-        return LiveArm(RigidPlant(self.robot.unpack()), np.array(self.start), self.control)
+        robot = self.robot.unpack()
+        if self.world is None:
+            return LiveArm(RigidPlant(robot), np.array(self.start), self.control)
+        from arm3dof.runtime.live.physics import PhysicsPlant  # needs MuJoCo
+
+        return LiveArm(PhysicsPlant(robot, self.world), np.array(self.start), self.control)
 
     def ring(self, make: Callable[..., object] = CONTEXT.RawArray) -> Ring:
         """Return an empty ring for the frames of this world."""
-        return Ring(frame_type(len(self.start)), make)
+        bodies = 0 if self.world is None else len(self.world.bodies)
+        return Ring(frame_type(len(self.start), bodies), make)
 
 
 class News(NamedTuple):

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from arm3dof.model.gripper import Gripper, find_gripper, with_free_gripper
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live.frames import Frames
+from arm3dof.sim.world import World
 from arm3dof.state import Array
 from arm3dof.ui import shapes
 from arm3dof.ui.meshcat_scene import Scene
 from arm3dof.ui.meshcat_window import Command, MeshcatWindow
+from arm3dof.ui.studio.things import body_poses, draw_world
 from arm3dof.ui.style import COLORS
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.locate import View
@@ -29,15 +32,19 @@ class LiveScene:
         window: the window.
     """
 
-    def __init__(self, robot: Robot, camera: Camera | None = None) -> None:
+    def __init__(
+        self, robot: Robot, camera: Camera | None = None, world: World | None = None
+    ) -> None:
         """Create the scene.
 
         Args:
             robot: the arm.
             camera: the camera, drawn where it stands.
+            world: what stands around the arm.
         """
         self.window = MeshcatWindow()
-        self._camera = camera
+        self._camera, self._world = camera, world or World()
+        self._bodies: Array | None = None
         self._trail: list[Array] = []
         self._run = -1
         self._q: Array | None = None
@@ -50,16 +57,24 @@ class LiveScene:
         self.window.post(*(shapes.delete(path) for path in ("/robot", "/ghost", "/bars")))
         self._scene = Scene(self._robot, self.window)
         self._q = self._q_target = None
-        self.window.post(*self._bars())
+        gripper = find_gripper(self._robot)
+        self._hand = None if gripper is None else _Hand(self._robot, gripper)
+        self.window.post(*self._bars(), *draw_world(self._world))
         if self._camera is not None:
             self.window.post(*_frustum(self._camera))
 
     def show(self, frame: Frames) -> None:
         """Show one frame."""
-        if self._q is None or np.abs(self._q - frame["q"]).max() > _SAME:
-            self._q = np.array(frame["q"])
-            self._scene.display(self._q)
+        q = np.append(frame["q"], np.nan_to_num(frame["fingers"]))
+        if self._q is None or np.abs(self._q - q).max() > _SAME:
+            self._q = q
+            self._scene.display(frame["q"])
             self.window.post(*self._bar_poses(frame))
+            if self._hand is not None and np.isfinite(frame["fingers"]).all():
+                self.window.post(*self._hand.poses(frame))
+        if self._bodies is None or not np.array_equal(self._bodies, frame["bodies"]):
+            self._bodies = np.array(frame["bodies"])
+            self.window.post(*body_poses(self._world, self._bodies))
         if self._q_target is None or not np.array_equal(self._q_target, frame["q_target"]):
             self._q_target = np.array(frame["q_target"])
             self._scene.show_ghost(self._q_target)
@@ -118,6 +133,25 @@ class LiveScene:
             transform[1, 3] += 0.022 * (joint - 1)
             commands.append(shapes.pose(f"/bars/{joint}", transform))
         return commands
+
+
+class _Hand:
+    """The fingers, which the arm's model holds still and which move here."""
+
+    def __init__(self, robot: Robot, gripper: Gripper) -> None:
+        free = with_free_gripper(robot, gripper)
+        self._free, self._q = free, np.zeros(free.nv)
+        self._arm = [free.joint_names.index(name) for name in robot.joint_names]
+        self._fingers = [free.joint_names.index(name) for name in gripper.joints]
+        self._links = (gripper.driven.link, gripper.follower.link)
+
+    def poses(self, frame: Frames) -> list[Command]:
+        """Return the commands that put the fingers where they are."""
+        self._q[self._arm], self._q[self._fingers] = frame["q"], frame["fingers"]
+        return [
+            shapes.pose(f"/robot/{link}", self._free.placement(self._q, link).homogeneous)
+            for link in self._links
+        ]
 
 
 def _frustum(camera: Camera) -> list[Command]:

@@ -20,6 +20,7 @@ from arm3dof.runtime.live.eye import Learned, Pick, Sight, Watch
 from arm3dof.runtime.live.eye_process import EyeProcess, EyeSpec
 from arm3dof.runtime.live.process import ArmProcess, ArmSpec, News
 from arm3dof.runtime.parallel import PackedRobot
+from arm3dof.sim.world import World
 from arm3dof.ui.broadcast import Broadcast
 from arm3dof.ui.studio import feed
 from arm3dof.ui.studio.controls import Controls
@@ -77,12 +78,12 @@ class Studio:
         self.learned: Learned | None = None
         self.watch, self.control = eye.watch, cmd.Control()
         self._numbered = 0
-        self.arm = ArmProcess(
-            ArmSpec(PackedRobot.of(robot), tuple(np.asarray(start, float).tolist()), self.control),
-            self._hear,
-        )
-        self.eye = EyeProcess(eye, self._see)
-        self.scene = LiveScene(robot, eye.camera)
+        packed = PackedRobot.of(robot)
+        world = eye.source if isinstance(eye.source, World) else None
+        position = tuple(np.asarray(start, float).tolist())
+        self.arm = ArmProcess(ArmSpec(packed, position, self.control, world), self._hear)
+        self.eye = EyeProcess(eye, packed, self.arm.ring, self._see)
+        self.scene = LiveScene(robot, eye.camera, world)
         self.live = Broadcast(lambda: b"")
         self.controls = Controls(self._lost)
         self._version = 0
@@ -120,7 +121,9 @@ class Studio:
         """
         robot = load_robot(self.source, overrides=dict(overrides) or None)
         self._version += 1
-        self.arm.send(cmd.Rebuild(PackedRobot.of(robot), self._version))
+        packed = PackedRobot.of(robot)
+        self.arm.send(cmd.Rebuild(packed, self._version))
+        self.eye.send(packed)
         with self._scene_lock:
             self.robot, self.overrides = robot, dict(overrides)
             self.scene.change_robot(robot)
