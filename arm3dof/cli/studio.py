@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,8 +22,10 @@ from arm3dof.cli.options import (
 from arm3dof.cli.serving import Browser, Port, serve_until_interrupted, show_address
 from arm3dof.errors import MissingExtra
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # the page and its processes load only where they are shown
     from arm3dof.runtime.live.eye_process import EyeSpec
+    from arm3dof.vision.camera import Camera
+    from arm3dof.vision.colour import ColourTarget
 
 
 def studio(
@@ -73,7 +76,7 @@ def studio(
         output.deliver({"url": url, "robot": arm.name}, as_json=as_json, show=show)
 
     overrides = read_overrides(changes)
-    live = Studio(robot, arm, home(arm), eye, folder, overrides=overrides)
+    live = Studio(robot, arm, home(arm), eye, folder, _Targets(), overrides=overrides)
     try:
         serve = partial(LocalServer, build_site(live))
         serve_until_interrupted(serve, port, browser=browser, announce=announce)
@@ -82,15 +85,34 @@ def studio(
     return output.DONE
 
 
+class _Targets:
+    """Writes and reads what a camera looks for."""
+
+    def save(self, path: Path, camera: Camera, targets: Sequence[ColourTarget]) -> Path:
+        from arm3dof.config.camera_file import save_camera
+
+        return save_camera(path, camera, targets)
+
+    def load(self, path: Path) -> tuple[ColourTarget, ...]:
+        from arm3dof.config.camera_file import load_camera
+
+        return tuple(load_camera(path).targets.values())
+
+
 def _eye(where: str, camera_file: str) -> EyeSpec:
     from arm3dof.config.camera_file import load_camera
     from arm3dof.runtime.live.eye import Watch
     from arm3dof.runtime.live.eye_process import EyeSpec
+    from arm3dof.sim.world import World
     from arm3dof.ui.studio.start import table
 
     setup = load_camera(camera_file)
     targets = tuple(setup.targets.values())
-    watch = Watch(targets, targets[0].name if targets else "")
     if where == "world":
-        return EyeSpec(setup.camera, watch, table())
+        world = table()
+        if isinstance(world, World):  # parts of the arm have colours too
+            names = [body.name for body in world.bodies]
+            targets = tuple(target for target in targets if target.name in names) or targets
+        return EyeSpec(setup.camera, Watch(targets), world)
+    watch = Watch(targets)
     return EyeSpec(setup.camera, watch, int(where) if where.isdecimal() else where)

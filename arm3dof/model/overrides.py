@@ -40,7 +40,7 @@ import numpy as np
 from arm3dof.errors import InputError
 from arm3dof.model.robot import STANDARD_GRAVITY
 from arm3dof.model.tree import chain_to, placement, root_link
-from arm3dof.model.urdf import Urdf
+from arm3dof.model.urdf import Inertial, Urdf
 from arm3dof.model.urdf_numbers import LARGEST
 
 _AXES = ("x", "y", "z")
@@ -73,6 +73,29 @@ def override_keys(urdf: Urdf, tool_link: str) -> tuple[str, ...]:
         tool_link: the link that is brought to targets; lengths lead to it.
     """
     return tuple(_keys(urdf, tool_link))
+
+
+def override_values(urdf: Urdf, tool_link: str) -> dict[str, float]:
+    """Return the present value of every key that a robot's overrides may have, in SI units.
+
+    Args:
+        urdf: a robot whose links form a tree.
+        tool_link: the link that is brought to targets; lengths lead to it.
+    """
+    links = {link.name: link.inertial for link in urdf.links}
+    joints = {joint.name: joint for joint in urdf.joints}
+    segments = _segments(urdf, tool_link)
+    values = {}
+    for key, (kind, name, field) in _keys(urdf, tool_link).items():
+        if kind == "gravity":
+            values[key] = STANDARD_GRAVITY[_AXES.index(field)]
+        elif kind == "joint":
+            values[key] = float(getattr(joints[name], field))
+        elif field == "length":
+            values[key] = _length(urdf, segments[name])
+        else:
+            values[key] = _inertial_value(links[name], field)
+    return values
 
 
 def apply_overrides(
@@ -194,6 +217,17 @@ def _length(urdf: Urdf, segment: tuple[str, ...]) -> float:
     for name in reversed(segment):
         point = placement(joints[name], 0.0).act(point)
     return float(np.linalg.norm(point))
+
+
+def _inertial_value(inertial: Inertial | None, field: str) -> float:
+    if inertial is None:
+        return 0.0
+    if field == "mass":
+        return inertial.mass
+    kind, _, entry = field.partition(".")
+    if kind == "com":
+        return float(inertial.com[_AXES.index(entry)])
+    return float(inertial.inertia[_INERTIA[entry]])
 
 
 # ---- editing -----------------------------------------------------------------------------------

@@ -180,7 +180,7 @@ class Scene:
         self._floor = self.drawing.floor()
         self._replays = False
         start = np.clip(np.zeros(robot.nv), robot.limits.q_min, robot.limits.q_max)
-        self._radius = self._look_at(start[None])
+        self._radius = self.look_at(start[None])
         self.window.post(
             *self.drawing.objects(), *self.drawing.poses(start), caption_command(robot.name)
         )
@@ -284,7 +284,7 @@ class Scene:
         """
         robot = recording.load_robot()
         sample = sample_rows(recording.q, 400)
-        self._radius = self._look_at(np.vstack([sample[::10], recording.q_target]))
+        self._radius = self.look_at(np.vstack([sample[::10], recording.q_target]))
         path = [robot.placement(q).translation for q in sample]
         self.show_path(np.array(path).reshape(-1, 3))
         self.show_target(robot.placement(recording.q_target).translation)
@@ -296,8 +296,12 @@ class Scene:
             replay_command(recording, robot, self.drawing),
         )
 
-    def _look_at(self, configurations: Array) -> float:
-        """Set stage and camera around the robot; return the radius of what is shown [m]."""
+    def look_at(self, configurations: Array) -> float:
+        """Set stage and camera around the robot; return the radius of what is shown [m].
+
+        Args:
+            configurations: joint positions at which all of it is to be seen, shape (n, nv) [rad].
+        """
         points = self.drawing.outline(configurations)
         low, high = points.min(axis=0), points.max(axis=0)
         center = (low + high) / 2

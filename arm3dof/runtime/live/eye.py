@@ -52,10 +52,12 @@ class Pick:
     Attributes:
         u: column [px].
         v: row [px].
+        tab: who asks.
     """
 
     u: int
     v: int
+    tab: str = ""
 
 
 class Learned(NamedTuple):

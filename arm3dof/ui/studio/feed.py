@@ -8,15 +8,18 @@ more than six connections to a server, and three tabs with two endless pictures 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from arm3dof.model.kinematics import inverse_kinematics
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live.frames import Frames
 from arm3dof.runtime.live.pace import lateness_percentiles
+from arm3dof.sim.world import COLOURS
 from arm3dof.state import Array
 from arm3dof.ui.studio.status import describe, has_arrived
+from arm3dof.vision.locate import Located
 
 NUMBERS, PICTURE, MASK = b"N", b"P", b"M"
 _THINNED = 2  # of the frames, one in so many is drawn in the charts
@@ -64,6 +67,32 @@ def numbers_message(
         **extra,
     }
     return NUMBERS + json.dumps(message, separators=(",", ":")).encode()
+
+
+def seen(located: Sequence[Located], robot: Robot) -> list[dict[str, object]]:
+    """Return what was located, and whether the arm reaches it, as plain values.
+
+    Args:
+        located: the objects.
+        robot: the arm.
+    """
+    return [
+        {
+            "name": found.target,
+            "point": _round(found.p_base, 4),
+            "depth": round(found.depth_m, 4),
+            "sigma": round(found.depth_sigma_m, 5),
+            "reach": inverse_kinematics(robot, found.p_base).reachable,
+            "colour": _css(found.target),
+        }
+        for found in located
+    ]
+
+
+def _css(name: str) -> str:
+    """Return a colour that goes with an object's name."""
+    rgb = COLOURS.get(name, (0.55, 0.36, 0.64))
+    return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)
 
 
 def _round(values: Array, digits: int) -> object:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Mapping
 
-from nicegui import ui
+from nicegui import events, ui
 
 from arm3dof.runtime.live import commands as cmd
 from arm3dof.ui.studio.charts import CHARTS, chart_options
-from arm3dof.ui.studio.panels import PANELS
+from arm3dof.ui.studio.panels import PANELS, Built
+from arm3dof.ui.studio.panels.aim import Aim
+from arm3dof.ui.studio.panels.see import See
 from arm3dof.ui.studio.studio import Studio
 from arm3dof.ui.studio.tab import Tab
 from arm3dof.ui.studio.widgets import button
 from arm3dof.ui.style import COLORS
+from arm3dof.vision.locate import Located
 
 _HEAD = '<link rel="stylesheet" href="/studio/studio.css">'
 
@@ -41,6 +45,7 @@ def build_page(studio: Studio) -> None:
         "charts": charts,
         "joints": list(studio.robot.joint_names),
         "limits": studio.robot.limits.tau_max.tolist(),
+        "spans": {chart.name: chart.span for chart in CHARTS},
         "speeds": studio.robot.limits.v_max.tolist(),
     }
     ui.add_body_html(
@@ -57,13 +62,20 @@ def _build_bar(tab: Tab, dark: ui.dark_mode) -> None:
         sanitize=False,
     ).classes("status")
     with ui.element("nav").classes("transport").props('aria-label="Motion"'):
-        button("Run", "play_arrow", "Drive the arm to its target (R)", lambda: tab.ask(cmd.Run()))
+        run = button(
+            "Run",
+            "play_arrow",
+            "Drive the arm to its target (R)",
+            lambda: tab.ask(cmd.Run()),
+            color="primary",
+        )
+        run.props("data-key=Run")
         button(
             "Pause",
             "pause",
             "Freeze the world's time, or let it go on (P)",
             lambda: _toggle_pause(tab),
-        )
+        ).props("data-key=Pause")
         button(
             "Step",
             "skip_next",
@@ -76,7 +88,7 @@ def _build_bar(tab: Tab, dark: ui.dark_mode) -> None:
             "Brake to rest as fast as the torque allows, then hold (Escape)",
             lambda: tab.ask(cmd.Stop()),
             color="negative",
-        ).classes("stop")
+        ).classes("stop").props("data-key=Stop")
     with ui.element("div").classes("corner"):
         take = button("Take the controls", "pan_tool", "Steer the arm from this tab", tab.take)
         take.classes("take")
@@ -99,9 +111,8 @@ def _build_picture() -> None:
         ui.html(
             '<canvas id="picture" width="640" height="480" role="img" tabindex="0" '
             'aria-label="Live picture of the camera with what was recognised"></canvas>'
-            '<canvas id="mask" width="640" height="480" role="img" hidden '
-            'aria-label="Pixels inside the chosen colour bounds"></canvas>'
-            '<p class="hint" id="picture-hint"></p>',
+            '<ul id="seen" aria-label="What was seen"></ul>'
+            '<p id="nothing">Nothing that is looked for is in the picture.</p>',
             sanitize=False,
         ).classes("stack")
 
@@ -129,12 +140,50 @@ def _build_charts(studio: Studio) -> dict[str, int]:
 
 
 def _build_panels(tab: Tab) -> None:
+    built: dict[str, Built] = {}
     with ui.element("aside").classes("card panels").props('aria-label="Panels"'):
         with ui.tabs().props("dense no-caps narrow-indicator mobile-arrows") as tabs:
             for panel in PANELS:
                 with ui.tab(panel.name, label=panel.name, icon=panel.icon):
                     ui.tooltip(panel.tip)
-        with ui.tab_panels(tabs, value=PANELS[0].name, animated=False).classes("pages"):
+        pages = ui.tab_panels(tabs, value=PANELS[0].name, animated=False, keep_alive=True)
+        with pages.classes("pages"):
             for panel in PANELS:
                 with ui.tab_panel(panel.name):
-                    panel.build(tab)
+                    built[panel.name] = panel.build(tab)
+    ui.timer(0.3, lambda: _refresh(built.values()))
+
+    _listen(tab, tabs, built)
+
+
+def _listen(tab: Tab, tabs: ui.tabs, built: Mapping[str, Built]) -> None:
+    """Answer clicks into the picture, and on the things that were seen in it."""
+    see, aim = built["See"], built["Aim"]
+
+    def aim_at(found: Located) -> None:
+        tabs.set_value("Aim")
+        if isinstance(aim, Aim):
+            aim.at(found.p_base)
+
+    def on_picture(event: events.GenericEventArguments) -> None:
+        u, v = int(event.args["u"]), int(event.args["v"])
+        if tabs.value == "See" and isinstance(see, See):
+            see.pick(u, v)
+        elif (found := tab.studio.seen_at(u, v)) is not None:
+            aim_at(found)
+        else:
+            ui.notify("There is nothing known at that place; learn its colour under 'See' first.")
+
+    def on_aim(event: events.GenericEventArguments) -> None:
+        located = tab.studio.located()
+        index = int(event.args["index"])
+        if index < len(located) and located[index].target == event.args["name"]:
+            aim_at(located[index])
+
+    ui.on("studio_picture", on_picture)
+    ui.on("studio_aim", on_aim)
+
+
+def _refresh(panels: Iterable[Built]) -> None:
+    for panel in panels:
+        panel.refresh()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from arm3dof.model.gripper import Gripper, find_gripper, with_free_gripper
@@ -15,7 +17,7 @@ from arm3dof.ui.meshcat_window import Command, MeshcatWindow
 from arm3dof.ui.studio.things import body_poses, draw_world
 from arm3dof.ui.style import COLORS
 from arm3dof.vision.camera import Camera
-from arm3dof.vision.locate import View
+from arm3dof.vision.locate import Located
 
 _BAR = 0.10  # length of a bar at the torque limit [m]
 _TRAIL = 240  # points of the tool's path that are drawn
@@ -33,17 +35,22 @@ class LiveScene:
     """
 
     def __init__(
-        self, robot: Robot, camera: Camera | None = None, world: World | None = None
+        self,
+        robot: Robot,
+        home: Array,
+        camera: Camera | None = None,
+        world: World | None = None,
     ) -> None:
         """Create the scene.
 
         Args:
             robot: the arm.
+            home: where it begins; the view is set to it, shape (nv,) [rad].
             camera: the camera, drawn where it stands.
             world: what stands around the arm.
         """
         self.window = MeshcatWindow()
-        self._camera, self._world = camera, world or World()
+        self._home, self._camera, self._world = home, camera, world or World()
         self._bodies: Array | None = None
         self._trail: list[Array] = []
         self._run = -1
@@ -56,6 +63,8 @@ class LiveScene:
         self._robot = robot.clone()
         self.window.post(*(shapes.delete(path) for path in ("/robot", "/ghost", "/bars")))
         self._scene = Scene(self._robot, self.window)
+        stretched = np.clip(np.zeros(robot.nv), robot.limits.q_min, robot.limits.q_max)
+        self._scene.look_at(np.array([self._home, stretched]))
         self._q = self._q_target = None
         gripper = find_gripper(self._robot)
         self._hand = None if gripper is None else _Hand(self._robot, gripper)
@@ -80,19 +89,25 @@ class LiveScene:
             self._scene.show_ghost(self._q_target)
             self._scene.show_target(self._robot.placement(self._q_target).translation)
 
-    def show_trail(self, frame: Frames) -> None:
-        """Draw the tool's path of the present run a little further."""
-        if frame["run"] != self._run:
-            self._run, self._trail = int(frame["run"]), []
-        tool = np.array(frame["tool"])
-        if not self._trail or np.linalg.norm(tool - self._trail[-1]) > _STRIDE:
-            self._trail = [*self._trail[-_TRAIL:], tool]
+    def show_trail(self, frames: Frames) -> None:
+        """Draw the tool's path of the present run further, through new frames, shape (n,)."""
+        before = len(self._trail)
+        for frame in frames:
+            if frame["run"] != self._run:
+                self._run, self._trail, before = int(frame["run"]), [], -1
+            tool = np.array(frame["tool"])
+            if not self._trail or np.linalg.norm(tool - self._trail[-1]) > _STRIDE:
+                self._trail.append(tool)
+        if len(self._trail) != before:
+            self._trail = self._trail[-_TRAIL:]
             self._scene.show_path(np.array(self._trail))
 
-    def show_objects(self, view: View) -> None:
-        """Draw what the eye has located, with how far off it may be."""
+    def show_objects(self, located: Sequence[Located]) -> None:
+        """Draw what the eye has located, with how far off it may be; not where all is known."""
+        if self._world.bodies:
+            return
         self.window.post(shapes.delete("/seen"))
-        for number, found in enumerate(view.located):
+        for number, found in enumerate(located):
             spread, axes = np.linalg.eigh(found.covariance_base)
             transform = np.eye(4)
             turn = axes * np.sign(np.linalg.det(axes))

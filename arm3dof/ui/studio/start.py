@@ -14,7 +14,7 @@ from arm3dof.ui.demo_scene import demo_table
 
 _WIDTH, _HEIGHT, _MASS = 0.03, 0.05, 0.02  # of the cylinders that the presets look for
 _RADIUS = 0.185  # of the arc that they stand on [m]
-_BEARINGS = {"green": -28.0, "red": -6.0, "blue": 16.0, "yellow": -52.0}  # [deg]
+_BEARINGS = {"green": -28.0, "red": 4.0, "yellow": -56.0}  # [deg]; parts of the arm are blue
 
 
 def home(robot: Robot) -> Array:

@@ -5,33 +5,54 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 from starlette.routing import BaseRoute, Mount, WebSocketRoute
 
 from arm3dof.errors import ArmError
+from arm3dof.model.gripper import Gripper, find_gripper
 from arm3dof.model.library import load_robot
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.eye import Learned, Pick, Sight, Watch
 from arm3dof.runtime.live.eye_process import EyeProcess, EyeSpec
+from arm3dof.runtime.live.frames import Frames
 from arm3dof.runtime.live.process import ArmProcess, ArmSpec, News
 from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.sim.world import World
 from arm3dof.ui.broadcast import Broadcast
+from arm3dof.ui.report import write_replay
 from arm3dof.ui.studio import feed
 from arm3dof.ui.studio.controls import Controls
+from arm3dof.ui.studio.fields import control_changes
+from arm3dof.ui.studio.keep import Runs, free_name, settings_toml, write_into
 from arm3dof.ui.studio.scene import LiveScene
+from arm3dof.vision.camera import Camera
+from arm3dof.vision.colour import ColourTarget
+from arm3dof.vision.locate import Located
 
 VIEW_RATE = 40.0
 """How often the 3-D view is moved [1/s]; the charts get half of it."""
 _TRAIL_RATE = 5.0  # [1/s]
 _LATENESS_KEPT = 3600  # wake-ups, a minute of them
 _NEWS_KEPT = 50
+_CAMERA_FILE = "camera.toml"
 _LOST = "the tab that held the controls is gone, so the arm was stopped"
+
+
+class TargetStore(Protocol):
+    """Writes and reads what a camera looks for."""
+
+    def save(self, path: Path, camera: Camera, targets: Sequence[ColourTarget]) -> Path:
+        """Write a CAMERA.toml and return its path."""
+
+    def load(self, path: Path) -> tuple[ColourTarget, ...]:
+        """Return the targets of a CAMERA.toml."""
 
 
 class Studio:
@@ -58,6 +79,7 @@ class Studio:
         start: ArrayLike,
         eye: EyeSpec,
         out: Path,
+        store: TargetStore,
         *,
         overrides: Mapping[str, float] | None = None,
     ) -> None:
@@ -69,6 +91,7 @@ class Studio:
             start: joint positions to begin at, shape (nv,) [rad].
             eye: what the eye looks through.
             out: the folder that files are written to.
+            store: writes and reads the camera's file.
             overrides: URDF parameters that it was loaded with.
         """
         self.source, self.robot, self.out = source, robot, out
@@ -76,14 +99,19 @@ class Studio:
         self.news: deque[tuple[int, News]] = deque(maxlen=_NEWS_KEPT)
         self.sight: Sight | None = None
         self.learned: Learned | None = None
-        self.watch, self.control = eye.watch, cmd.Control()
+        self.watch, self.control, self.servo = eye.watch, cmd.Control(), ""
+        self.chosen = eye.watch.targets[0].name if eye.watch.targets else ""
+        self.camera, self._store = eye.camera, store
+        self.runs = Runs()
         self._numbered = 0
         packed = PackedRobot.of(robot)
+        has_physics = isinstance(eye.source, World)
+        self.gripper: Gripper | None = find_gripper(robot) if has_physics else None
         world = eye.source if isinstance(eye.source, World) else None
         position = tuple(np.asarray(start, float).tolist())
         self.arm = ArmProcess(ArmSpec(packed, position, self.control, world), self._hear)
         self.eye = EyeProcess(eye, packed, self.arm.ring, self._see)
-        self.scene = LiveScene(robot, eye.camera, world)
+        self.scene = LiveScene(robot, np.array(position), eye.camera, world)
         self.live = Broadcast(lambda: b"")
         self.controls = Controls(self._lost)
         self._version = 0
@@ -113,19 +141,23 @@ class Studio:
         """Let the eye learn the colour at a pixel; ``learned`` will have it."""
         self.eye.send(pick)
 
-    def rebuild(self, overrides: Mapping[str, float]) -> None:
+    def rebuild(self, overrides: Mapping[str, float], servo: str = "") -> None:
         """Change the arm's parameters: rebuild it, draw it, and go on with it.
+
+        Args:
+            overrides: URDF parameters that differ from its file, SI units.
+            servo: the servo in every joint; empty for the URDF's own limits.
 
         Raises:
             ArmError: a parameter is impossible; everything stays as it is.
         """
-        robot = load_robot(self.source, overrides=dict(overrides) or None)
+        robot = load_robot(self.source, overrides=dict(overrides) or None, servos=servo or None)
         self._version += 1
         packed = PackedRobot.of(robot)
         self.arm.send(cmd.Rebuild(packed, self._version))
         self.eye.send(packed)
         with self._scene_lock:
-            self.robot, self.overrides = robot, dict(overrides)
+            self.robot, self.overrides, self.servo = robot, dict(overrides), servo
             self.scene.change_robot(robot)
 
     def show_region(self, shown: bool) -> None:
@@ -136,6 +168,75 @@ class Studio:
     def alive(self) -> None:
         """Tell the arm that the page is there."""
         self.arm.send(cmd.Alive())
+
+    def changes(self) -> list[str]:
+        """Return what differs from how everything comes, one line each."""
+        return [
+            *control_changes(self.control),
+            *([f"servos = {self.servo}"] if self.servo else []),
+            *(f"{key} = {value:g}" for key, value in self.overrides.items()),
+        ]
+
+    def located(self) -> tuple[Located, ...]:
+        """Return what the eye has located in the last picture."""
+        return () if self.sight is None else self.sight.view.located
+
+    def seen_at(self, u: int, v: int) -> Located | None:
+        """Return what is at a pixel of the last picture."""
+        for found in self.located():
+            left, top, width, height = found.box_px
+            if left <= u < left + width and top <= v < top + height:
+                return found
+        return None
+
+    # ---- what is kept --------------------------------------------------------------------------
+
+    def files(self) -> list[str]:
+        """Return the names of the files in the folder."""
+        return sorted(path.name for path in self.out.glob("*") if path.is_file())
+
+    def save_run(self) -> Path:
+        """Write the last run as a recording, and return where.
+
+        Raises:
+            InputError: there was no run, or the folder cannot be written.
+        """
+        recording = self.runs.recording(self.robot, self.control)
+        return recording.save(self.out / free_name(self.out, "run", ".npz"))
+
+    def save_replay(self) -> Path:
+        """Write the last run as one HTML file, and return where.
+
+        Raises:
+            InputError: there was no run, or the folder cannot be written.
+        """
+        recording = self.runs.recording(self.robot, self.control)
+        return write_replay(recording, self.out / free_name(self.out, "replay", ".html"))
+
+    def save_settings(self) -> Path:
+        """Write what is tuned as TOML, and return where."""
+        text = settings_toml(self.source, self.overrides, self.servo, self.control)
+        return write_into(self.out, "studio.toml", text.encode())
+
+    def save_urdf(self) -> Path:
+        """Write the arm as it is now as a URDF, and return where."""
+        return write_into(self.out, "arm.urdf", self.robot.description.urdf.encode())
+
+    def save_targets(self) -> Path:
+        """Write what the eye looks for as a CAMERA.toml, and return where."""
+        return self._store.save(self.out / _CAMERA_FILE, self.camera, self.watch.targets)
+
+    def load_targets(self) -> None:
+        """Look for what the folder's CAMERA.toml says.
+
+        Raises:
+            ArmError: there is none, or it is broken.
+        """
+        targets = self._store.load(self.out / _CAMERA_FILE)
+        self.chosen = targets[0].name if targets else ""
+        self.look_for(replace(self.watch, targets=targets, shown=""))
+
+    # ---- the server's side ---------------------------------------------------------------------
 
     def routes(self) -> list[BaseRoute]:
         """Return the routes of the 3-D view and of the numbers and pictures."""
@@ -176,29 +277,32 @@ class Studio:
 
     def _show(self) -> None:
         """Move the 3-D view and feed the tabs until the end; runs in a thread of its own."""
-        count, told, shown_sight, due = 0, 0, -1, time.monotonic()
+        count, due = 0, time.monotonic()
+        seen: list[dict[str, object]] = []
         lateness: deque[float] = deque(maxlen=_LATENESS_KEPT)
-        pending = []
+        pending: list[Frames] = []
+        trail: list[Frames] = []
         turn = 0
         while not self._stopping.wait(max(due - time.monotonic(), 0.0)):
             due = max(due + 1 / VIEW_RATE, time.monotonic())
             count, frames = self.arm.ring.since(count)
             if not len(frames):
                 continue
+            self.runs.add(frames)
             lateness.extend(frames["lateness"].tolist())
             pending.append(frames)
+            trail.append(frames)
             turn += 1
             with self._scene_lock:
                 self.scene.show(frames[-1])
                 if turn % round(VIEW_RATE / _TRAIL_RATE) == 0:
-                    self.scene.show_trail(frames[-1])
-                    sight = self.sight
-                    if sight is not None and sight.number != shown_sight:
-                        shown_sight = sight.number
-                        self.scene.show_objects(sight.view)
+                    self.scene.show_trail(np.concatenate(trail))
+                    trail = []
+                    located = self.located()
+                    self.scene.show_objects(located)
+                    seen = feed.seen(located, self.robot)
             if turn % 2 == 0:
-                told += 1
-                extra = {"holder": self.controls.holder, "tabs": self.controls.tabs}
+                extra = {"holder": self.controls.holder, "tabs": self.controls.tabs, "seen": seen}
                 message = feed.numbers_message(
                     np.concatenate(pending), self.robot, np.array(lateness), extra
                 )

@@ -38,11 +38,21 @@ class Field:
 
 
 def button(
-    text: str, icon: str, tip: str, on_click: Callable[[], Any], *, color: str = "primary"
+    text: str, icon: str, tip: str, on_click: Callable[[], Any], *, color: str | None = None
 ) -> ui.button:
-    """Return a button with a tooltip; one without a text is named by it."""
+    """Return a button with a tooltip; one without a text is named by it.
+
+    Args:
+        text: what it says.
+        icon: its symbol; none when empty.
+        tip: what the tooltip says.
+        on_click: what it does.
+        color: its colour; a quiet one with a thin frame without.
+    """
     made = ui.button(text, icon=icon or None, on_click=on_click, color=color)
     made.props("no-caps unelevated dense")
+    if color is None:
+        made.classes("plain")
     if not text:
         made.props(f'aria-label="{tip}" flat round')
     with made:

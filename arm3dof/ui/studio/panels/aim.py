@@ -15,17 +15,18 @@ from arm3dof.ui.studio.tab import Tab
 from arm3dof.ui.studio.widgets import Field, button, heading, slider
 
 
-def build(tab: Tab) -> None:
-    """Build the panel for a tab."""
-    _Aim(tab)
-
-
-class _Aim:
+class Aim:
     """The panel of one tab."""
 
     def __init__(self, tab: Tab) -> None:
+        """Build it.
+
+        Args:
+            tab: the tab.
+        """
         self._tab = tab
         self._robot = tab.studio.robot
+        self._shown: Array = np.full(self._robot.nv, np.nan)
         heading("A point")
         with ui.element("div").classes("line"):
             self._xyz = [
@@ -35,7 +36,13 @@ class _Aim:
                 .tooltip(f"{axis} of the point in the base frame [cm]")
                 for axis, value in zip("xyz", (16.0, -3.0, -9.0), strict=True)
             ]
-        button("Aim there", "my_location", "Ask which joint angles reach the point", self._aim)
+        button(
+            "Aim there",
+            "my_location",
+            "Ask which joint angles reach the point",
+            self._aim,
+            color="primary",
+        )
         self._answer = ui.label("").classes("answer").props('role="status"')
         self._branches = ui.element("div").classes("branches")
         heading("Joints")
@@ -61,8 +68,25 @@ class _Aim:
             "Show the reachable region", on_change=lambda e: tab.studio.show_region(e.value)
         ).tooltip("Draw where the tool can be inside the joint limits in the 3-D view")
 
+    def refresh(self) -> None:
+        """Show where the arm is to go, whoever chose it."""
+        frame = self._tab.studio.arm.ring.latest()
+        if frame is None or np.array_equal(frame["q_target"], self._shown):
+            return
+        self._shown = np.array(frame["q_target"])
+        for joint, value in zip(self._joints, np.rad2deg(self._shown), strict=True):
+            joint.set_value(round(float(value), 1))
+
+    def at(self, point: Array) -> None:
+        """Aim at a point of the base frame, shape (3,) [m]."""
+        for box, value in zip(self._xyz, 100 * point, strict=True):
+            box.set_value(round(float(value), 2))
+        self._reach(point)
+
     def _aim(self) -> None:
-        point = [0.01 * float(box.value or 0.0) for box in self._xyz]
+        self._reach(np.array([0.01 * float(box.value or 0.0) for box in self._xyz]))
+
+    def _reach(self, point: Array) -> None:
         frame = self._tab.studio.arm.ring.latest()
         near = None if frame is None else np.array(frame["q"])
         reach = inverse_kinematics(self._robot.clone(), point, near=near)
@@ -71,9 +95,7 @@ class _Aim:
             self._choose(reach.best)
 
     def _choose(self, q: Array) -> None:
-        if self._tab.ask(lambda: cmd.Aim(tuple(q.tolist()))):
-            for joint, value in zip(self._joints, np.rad2deg(q), strict=True):
-                joint.set_value(round(float(value), 1))
+        self._tab.ask(lambda: cmd.Aim(tuple(q.tolist())))
 
     def _aim_joints(self) -> None:
         q = np.deg2rad([float(joint.value) for joint in self._joints])
@@ -87,14 +109,15 @@ class _Aim:
         self._branches.clear()
         with self._branches:
             for k, q in enumerate(reach.solutions):
-                angles = ", ".join(f"{angle:.1f}" for angle in np.rad2deg(q))
+                angles = ", ".join(f"{angle:.0f}" for angle in np.rad2deg(q))
                 inside = bool(reach.within_limits[k])
-                text = f"{reach.branches[k]}: {angles}°" + ("" if inside else " (outside)")
+                where = reach.branches[k].replace("/", ", ").replace("-", " ")
+                text = f"{where}: {angles}°" + ("" if inside else ", outside")
                 made = button(
                     text,
-                    "check" if k == 0 and inside else "",
+                    "check" if k == 0 and inside else "remove",
                     "Take this posture",
                     partial(self._choose, q),
                 )
-                made.props("flat align=left")
+                made.props("flat align=left").classes(remove="plain")
                 made.set_enabled(inside)

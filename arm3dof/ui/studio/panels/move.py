@@ -22,28 +22,50 @@ _LOAD = Field(
 )
 
 
-def build(tab: Tab) -> None:
-    """Build the panel for a tab."""
-    heading("Push")
-    strength = slider(_PUSH, 0.8, lambda _: None)
-    with ui.element("div").classes("line"):
-        for joint, name in enumerate(tab.studio.robot.joint_names):
-            button(
-                name,
-                "back_hand",
-                f"Push {name} for 0.2 s, as a hand would",
-                partial(_push, tab, joint, strength),
+class Move:
+    """The panel of one tab."""
+
+    def __init__(self, tab: Tab) -> None:
+        """Build it.
+
+        Args:
+            tab: the tab.
+        """
+        self._tab = tab
+        heading("Push")
+        self._strength = slider(_PUSH, 0.8, lambda _: None)
+        with ui.element("div").classes("line"):
+            for joint, name in enumerate(tab.studio.robot.joint_names):
+                tip = f"Push {name} for 0.2 s, as a hand would"
+                button(name, "back_hand", tip, partial(self._push, joint))
+        heading("Load")
+        slider(_LOAD, 0.0, lambda mass: tab.ask(lambda: cmd.Load(mass)))
+        if tab.studio.gripper is not None:
+            heading("Fingers")
+            opening = Field(
+                "opening",
+                "Opening",
+                "cm",
+                0.0,
+                _cm(tab.studio.gripper.opening),
+                0.1,
+                "Distance between the fingers",
             )
-    heading("Load")
-    slider(_LOAD, 0.0, lambda mass: tab.ask(lambda: cmd.Load(mass)))
-    heading("World")
-    button(
-        "Restart",
-        "restart_alt",
-        "Put the arm and everything on the table back to its place",
-        lambda: tab.ask(cmd.Restart()),
-    )
+            slider(opening, opening.high, lambda cm: tab.ask(lambda: cmd.Grip(0.01 * cm)))
+        heading("World")
+        button(
+            "Restart",
+            "restart_alt",
+            "Put the arm and everything on the table back to its place",
+            lambda: tab.ask(cmd.Restart()),
+        )
+
+    def refresh(self) -> None:
+        """Do nothing: what is shown here is what was asked for."""
+
+    def _push(self, joint: int) -> None:
+        self._tab.ask(lambda: cmd.Push(joint, float(self._strength.value or 0.0)))
 
 
-def _push(tab: Tab, joint: int, strength: ui.slider) -> None:
-    tab.ask(lambda: cmd.Push(joint, float(strength.value or 0.0)))
+def _cm(metres: float) -> float:
+    return round(100 * metres, 1)

@@ -1,17 +1,17 @@
-// What the server sends many times a second, drawn: charts, status line, pictures.
+// What the server sends many times a second, drawn: charts, status line, pictures, facts.
 // It speaks to the server that sent it and to nobody else.
 "use strict";
 
 const facts = window.studioFacts;
-const WINDOW = 10; // s that the charts show
 const KEPT = 60; // s that are kept for zooming and export
 const DEGREE = 180 / Math.PI;
 const byId = (id) => document.getElementById(id);
+const scaleOf = (name) => (name === "e" ? DEGREE : 1);
 
 // ---- the last minute, column by column ---------------------------------------------------------
 
 const past = {
-  t: [], columns: { e: [], v: [], u: [], tau: [] },
+  t: [], columns: { e: [], v: [], u: [], tau: [] }, steps: [], run: 0, runStart: null,
 
   add(message) {
     if (this.t.length && message.t[0] < this.t.at(-1) - 1e-6) this.clear();
@@ -20,11 +20,19 @@ const past = {
       this.t.push(t);
       for (const name in this.columns) this.columns[name].push(message[name][row]);
     });
+    if (message.run !== this.run) {
+      this.run = message.run;
+      this.runStart = message.t[0];
+    }
+    this.steps.push(...message.step_us.filter((step) => step > 0));
+    if (this.steps.length > 1200) this.steps.splice(0, this.steps.length - 1200);
     while (this.t.length && this.t.at(-1) - this.t[0] > KEPT + 5) this.drop(5);
   },
 
+  first(from) { return Math.max(this.t.findIndex((t) => t >= from), 0); },
+
   drop(seconds) {
-    const first = this.t.findIndex((t) => t > this.t[0] + seconds);
+    const first = this.first(this.t[0] + seconds);
     this.t.splice(0, first);
     for (const name in this.columns) this.columns[name].splice(0, first);
   },
@@ -38,45 +46,73 @@ const past = {
 // ---- charts ------------------------------------------------------------------------------------
 
 const charts = {
-  paused: false,
-  drawn: 0,
+  paused: false, drawn: 0, span: 10, kept: null, zoomed: false,
+
+  get(name) { return getElement(facts.charts[name])?.chart; },
+  names() { return Object.keys(facts.charts); },
+
+  draw(message) {
+    const last = past.t.at(-1);
+    if (this.paused || document.hidden || last === undefined) return;
+    const from = past.first(last - this.span);
+    const t = past.t.slice(from);
+    const ahead = message.plan_t.length ? Math.min(message.plan_t.at(-1), last + 1) : last;
+    for (const name of this.names()) {
+      const chart = this.get(name);
+      if (!chart) continue;
+      const scale = scaleOf(name);
+      const column = past.columns[name];
+      const series = facts.joints.map((joint, k) => ({
+        id: joint, data: t.map((time, row) => [time, scale * column[from + row][k]]),
+      }));
+      if (name === "e") series.push(...this.plan(message));
+      series.push(...this.comparison(name, last));
+      const [low, high] = this.range(name, series);
+      chart.setOption({
+        xAxis: { min: ahead - this.span, max: ahead }, yAxis: { min: low, max: high }, series,
+      }, { lazyUpdate: true });
+    }
+    this.drawn += 1;
+  },
+
+  // Round bounds around the lines, never closer than what is worth a look.
+  range(name, series) {
+    let low = Infinity, high = -Infinity;
+    for (const { data } of series) for (const [, y] of data) { low = Math.min(low, y); high = Math.max(high, y); }
+    if (!(low <= high)) return [-facts.spans[name], facts.spans[name]];
+    const room = Math.max(0.08 * (high - low), (facts.spans[name] - (high - low)) / 2);
+    return [low - room, high + room];
+  },
+
+  // What the controller expects, dotted ahead of what has happened.
+  plan(message) {
+    return facts.joints.map((joint, k) => ({
+      id: `${joint} plan`, data: message.plan_t.map((t, row) => [t, DEGREE * message.plan_e[row][k]]),
+    }));
+  },
+
+  // The kept run, moved so that both begin together.
+  comparison(name, last) {
+    return facts.joints.map((joint, k) => {
+      const shown = this.kept && past.runStart !== null;
+      const data = !shown ? [] : this.kept.t
+        .map((t, row) => [t + past.runStart, scaleOf(name) * this.kept.columns[name][row][k]])
+        .filter(([t]) => t > last - this.span && t <= last);
+      return { id: `${joint} kept`, data };
+    });
+  },
 
   // Colours of lines and letters, which the page's light or dark decides.
   dress() {
     const style = getComputedStyle(document.body);
-    const [ink, line, card] = ["--soft", "--line", "--card"].map((name) => style.getPropertyValue(name).trim());
-    for (const name in facts.charts) {
+    const [ink, line, card, text] = ["--soft", "--line", "--card", "--ink"].map((name) => style.getPropertyValue(name).trim());
+    for (const name of this.names()) {
       this.get(name)?.setOption({
         xAxis: { axisLabel: { color: ink } },
         yAxis: { axisLabel: { color: ink }, axisLine: { lineStyle: { color: line } }, splitLine: { lineStyle: { color: line } } },
-        tooltip: { backgroundColor: card, borderColor: line, textStyle: { color: style.color, fontSize: 12 } },
+        tooltip: { backgroundColor: card, borderColor: line, textStyle: { color: text, fontSize: 12 } },
       });
     }
-  },
-
-  get(name) { return getElement(facts.charts[name])?.chart; },
-
-  draw(message) {
-    if (this.paused || document.hidden) return;
-    const last = past.t.at(-1);
-    if (last === undefined) return;
-    const from = Math.max(past.t.findIndex((t) => t >= last - WINDOW), 0);
-    const t = past.t.slice(from);
-    const ahead = message.plan_t.length ? message.plan_t.at(-1) : last;
-    for (const name in facts.charts) {
-      const chart = this.get(name);
-      if (!chart) continue;
-      const scale = name === "e" ? DEGREE : 1;
-      const column = past.columns[name];
-      const series = facts.joints.map((joint, k) => ({
-        name: joint, data: t.map((time, row) => [time, scale * column[from + row][k]]),
-      }));
-      chart.setOption({
-        xAxis: { min: last - WINDOW, max: Math.max(last, Math.min(ahead, last + 1)) },
-        series,
-      }, { lazyUpdate: true });
-    }
-    this.drawn += 1;
   },
 };
 
@@ -84,16 +120,111 @@ const charts = {
 
 const live = { last: null, pictures: 0, messages: 0 };
 
+function setText(element, text) {
+  if (element && element.textContent !== text) element.textContent = text;
+}
+
+function percentile(values, share) {
+  if (!values.length) return 0;
+  const sorted = [...values].sort((a, b) => a - b);
+  return sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))];
+}
+
 function hear(message) {
   live.last = message;
   live.messages += 1;
   past.add(message);
   const status = byId("status");
   if (status.dataset.tone !== message.tone) status.dataset.tone = message.tone;
-  const text = status.querySelector("span");
-  if (text.textContent !== message.status) text.textContent = message.status;
+  setText(status.querySelector("span"), message.status);
   charts.draw(message);
+  if (live.messages % 4 === 0) {
+    showFacts(message);
+    showSeen(message);
+  }
 }
+
+function showFacts(message) {
+  if (!byId("fact-energy")) return;
+  const median = percentile(past.steps, 0.5), most = percentile(past.steps, 0.99);
+  setText(byId("fact-energy"), `${message.energy.toFixed(2)} J`);
+  setText(byId("fact-step"), `${median.toFixed(0)} · ${most.toFixed(0)} µs`);
+  setText(byId("fact-late"), `${message.late_ms.p50.toFixed(2)} · ${message.late_ms.p99.toFixed(2)} ms`);
+  setText(byId("fact-missed"), String(message.missed));
+  setText(byId("fact-load"), `${message.load.toFixed(2)} kg`);
+  setText(byId("fact-tool"), message.tool.map((x) => (100 * x).toFixed(1)).join(", ") + " cm");
+  if (live.messages % 20 === 0) drawHistogram(most);
+}
+
+function drawHistogram(most) {
+  const canvas = byId("histogram");
+  if (!canvas || !past.steps.length) return;
+  const style = getComputedStyle(document.body);
+  const draw = canvas.getContext("2d");
+  const [width, height] = [canvas.width, canvas.height];
+  const bins = new Array(44).fill(0);
+  const top = Math.max(1.3 * most, 1);
+  past.steps.forEach((step) => { bins[Math.min(bins.length - 1, Math.floor(bins.length * step / top))] += 1; });
+  const highest = Math.max(...bins);
+  draw.clearRect(0, 0, width, height);
+  draw.fillStyle = style.getPropertyValue("--accent");
+  bins.forEach((count, k) => {
+    const tall = (height - 40) * count / highest;
+    draw.fillRect(k * width / bins.length + 1, height - 34 - tall, width / bins.length - 2, tall);
+  });
+  draw.fillStyle = style.getPropertyValue("--soft");
+  draw.font = "22px system-ui, sans-serif";
+  [0, 0.25, 0.5, 0.75].forEach((share) => {
+    draw.fillText(`${(share * top).toFixed(0)}${share ? "" : " µs"}`, share * width, height - 6);
+  });
+}
+
+// The things that were seen, each with what can be done about it.
+function showSeen(message) {
+  const list = byId("seen");
+  if (!list) return;
+  const key = JSON.stringify(message.seen.map((it) => [it.name, it.reach]));
+  if (list.dataset.key !== key) {
+    list.dataset.key = key;
+    list.replaceChildren(...message.seen.map((it, index) => seenRow(it, index)));
+  }
+  message.seen.forEach((it, index) => {
+    const row = list.children[index];
+    setText(row.querySelector(".where"), `${it.point.map((x) => (100 * x).toFixed(1)).join(", ")} cm`);
+    setText(row.querySelector(".sigma"), `depth ${(100 * it.depth).toFixed(1)} ± ${(100 * it.sigma).toFixed(1)} cm`);
+  });
+  byId("nothing").hidden = message.seen.length > 0;
+}
+
+function seenRow(it, index) {
+  const row = document.createElement("li");
+  const swatch = document.createElement("i");
+  swatch.style.background = it.colour;
+  const name = document.createElement("b");
+  name.textContent = it.name;
+  const where = document.createElement("span");
+  where.className = "where";
+  where.title = "Its centre in the base frame [cm]";
+  const sigma = document.createElement("span");
+  sigma.className = "sigma";
+  sigma.title = "Distance along the optical axis, with its standard deviation [cm]";
+  row.append(swatch, name, where, sigma);
+  if (it.reach) {
+    const aim = document.createElement("button");
+    aim.type = "button";
+    aim.textContent = "Aim";
+    aim.title = `Aim at the ${it.name} object`;
+    aim.addEventListener("click", () => emitEvent("studio_aim", { index, name: it.name }));
+    row.append(aim);
+  } else {
+    const no = document.createElement("em");
+    no.textContent = "out of reach";
+    row.append(no);
+  }
+  return row;
+}
+
+// ---- pictures ----------------------------------------------------------------------------------
 
 async function show(canvas, bytes) {
   const bitmap = await createImageBitmap(new Blob([bytes], { type: "image/jpeg" }));
@@ -105,6 +236,7 @@ async function show(canvas, bytes) {
   bitmap.close();
 }
 
+let masked = 0; // when the last mask came
 const decoder = new TextDecoder();
 function receive(event) {
   const bytes = new Uint8Array(event.data);
@@ -112,9 +244,98 @@ function receive(event) {
   const kind = String.fromCharCode(bytes[0]);
   if (kind === "N") hear(JSON.parse(decoder.decode(rest)));
   else if (document.hidden) return;
-  else if (kind === "P") { live.pictures += 1; show(byId("picture"), rest); }
-  else if (kind === "M") show(byId("mask"), rest);
+  else if (kind === "P") {
+    live.pictures += 1;
+    show(byId("picture"), rest);
+    if (byId("mask")) byId("mask").hidden = performance.now() - masked > 1000;
+  } else if (kind === "M") {
+    masked = performance.now();
+    if (byId("mask")) show(byId("mask"), rest);
+  }
 }
+
+// Where in the picture a click was, in its own pixels, whatever room it has.
+function pixel(event) {
+  const canvas = event.currentTarget;
+  const box = canvas.getBoundingClientRect();
+  const scale = Math.min(box.width / canvas.width, box.height / canvas.height);
+  const u = (event.clientX - box.left - (box.width - scale * canvas.width) / 2) / scale;
+  const v = (event.clientY - box.top - (box.height - scale * canvas.height) / 2) / scale;
+  return { u: Math.floor(u), v: Math.floor(v), inside: u >= 0 && v >= 0 && u < canvas.width && v < canvas.height };
+}
+
+function listenToClicks() {
+  byId("picture").addEventListener("click", (event) => {
+    const at = pixel(event);
+    if (at.inside) emitEvent("studio_picture", { u: at.u, v: at.v });
+  });
+}
+
+// ---- keys --------------------------------------------------------------------------------------
+
+const KEYS = { r: "Run", p: "Pause", Escape: "Stop" };
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey) return;
+  const typing = event.target.closest?.("input, textarea, [role=combobox], [role=listbox]");
+  const name = KEYS[event.key];
+  if (!name || (typing && event.key !== "Escape")) return;
+  document.querySelector(`.transport [data-key="${name}"]`)?.click();
+});
+
+// ---- what the page's buttons ask for -----------------------------------------------------------
+
+function save(name, type, data) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([data], { type }));
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+function csv() {
+  const names = ["e", "v", "u", "tau"];
+  const head = ["t_s", ...names.flatMap((name) => facts.joints.map((joint) => `${name}_${joint}`))];
+  const rows = past.t.map((t, row) => [t, ...names.flatMap((name) => past.columns[name][row])].join(","));
+  return [head.join(","), ...rows].join("\n") + "\n";
+}
+
+async function png() {
+  const images = await Promise.all(charts.names().map((name) => {
+    const image = new Image();
+    const background = getComputedStyle(document.body).getPropertyValue("--card").trim();
+    image.src = charts.get(name).getDataURL({ pixelRatio: 2, backgroundColor: background });
+    return image.decode().then(() => image);
+  }));
+  const sheet = document.createElement("canvas");
+  sheet.width = 2 * images[0].width;
+  sheet.height = 2 * images[0].height;
+  images.forEach((image, k) => sheet.getContext("2d")
+    .drawImage(image, (k % 2) * image.width, Math.floor(k / 2) * image.height));
+  sheet.toBlob((blob) => save("charts.png", "image/png", blob));
+}
+
+function keep() {
+  if (past.runStart === null) return;
+  const first = past.first(past.runStart);
+  const columns = {};
+  for (const name in past.columns) columns[name] = past.columns[name].slice(first);
+  charts.kept = { t: past.t.slice(first).map((t) => t - past.runStart), columns };
+}
+
+// ---- light and dark ------------------------------------------------------------------------------
+
+const night = {
+  dark: null,
+
+  look() {
+    const dark = document.body.classList.contains("body--dark");
+    const view = byId("view").contentWindow;
+    if (dark === this.dark || !charts.get("tau") || !view.night) return;
+    this.dark = dark;
+    charts.dress();
+    view.night.set(dark);
+  },
+};
 
 // ---- the connection, which heals ---------------------------------------------------------------
 
@@ -126,32 +347,23 @@ function connect(attempt) {
   socket.onclose = () => {
     const status = byId("status");
     status.dataset.tone = "warn";
-    status.querySelector("span").textContent = "Connection lost. Trying again …";
+    setText(status.querySelector("span"), "Connection lost. Trying again …");
     setTimeout(() => connect(retry + 1), Math.min(3000, 250 * 2 ** retry));
   };
 }
 
-// ---- light and dark ------------------------------------------------------------------------------
-
-const night = {
-  dark: null,
-
-  look() {
-    const dark = document.body.classList.contains("body--dark");
-    const view = byId("view").contentWindow;
-    const ready = facts.joints.length && charts.get("tau") && view.night;
-    if (dark === this.dark || !ready) return;
-    this.dark = dark;
-    charts.dress();
-    view.night.set(dark);
-  },
+window.studio = {
+  past, charts, live, png, keep,
+  csv: () => save("charts.csv", "text/csv", csv()),
+  pause: (paused) => { charts.paused = paused; },
+  window: (seconds) => { charts.span = seconds; },
+  forget: () => { charts.kept = null; },
 };
-setInterval(() => byId("view") && night.look(), 200);
-
-window.studio = { past, charts, live };
 
 // the page builds itself after this script has come
 (function begin() {
-  if (byId("status") && byId("picture") && byId("view")) connect(0);
-  else setTimeout(begin, 20);
+  if (!(byId("status") && byId("picture") && byId("view"))) { setTimeout(begin, 20); return; }
+  listenToClicks();
+  setInterval(() => night.look(), 200);
+  connect(0);
 })();

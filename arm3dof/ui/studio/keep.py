@@ -1,0 +1,132 @@
+"""What the studio writes down: runs, settings, the arm; always whole, and into one folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from arm3dof.control.settings import MpcSettings
+from arm3dof.errors import InputError
+from arm3dof.files import write_atomically
+from arm3dof.model.robot import Robot
+from arm3dof.runtime.live import commands as cmd
+from arm3dof.runtime.live.frames import Frames
+from arm3dof.runtime.recording import Recording
+
+LONGEST = 120.0
+"""How much of a run is kept [s]."""
+
+
+class Runs:
+    """The frames of the last run, as they come."""
+
+    def __init__(self) -> None:
+        self._run = 0
+        self._parts: list[Frames] = []
+
+    def add(self, frames: Frames) -> None:
+        """Take new frames, shape (n,), and keep those of the newest run."""
+        run = int(frames["run"][-1])
+        if run != self._run:
+            self._run, self._parts = run, []
+        mine = frames[(frames["run"] == run) & (frames["paused"] == 0)]
+        if run > 0 and len(mine) and self._length() < LONGEST:
+            self._parts.append(mine)
+
+    def recording(self, robot: Robot, control: cmd.Control) -> Recording:
+        """Return the last run.
+
+        Args:
+            robot: the arm as it is now.
+            control: the controller as it is now.
+
+        Raises:
+            InputError: there has been no run, or one too short.
+        """
+        if sum(map(len, self._parts)) < 3:
+            raise InputError("there is no run yet; press Run first")
+        frames = np.concatenate(self._parts)
+        frames = frames[np.append(True, np.diff(frames["t"]) > 0)]
+        controlled = frames["control"] == 1
+        controlled[0] = True  # a recording begins with a decision
+        columns = {name: frames[name] for name in ("q", "v", "tau", "u")}
+        return Recording(
+            t=frames["t"] - frames["t"][0],
+            **columns,
+            e=frames["q_target"] - frames["q"],
+            status=frames["status"].astype(np.int8),
+            source=frames["source"].astype(np.int8),
+            step_time=np.where(controlled, frames["step_time"], np.nan),
+            control_dt=control.settings().dt,
+            q_target=frames["q_target"][-1],
+            joint_names=robot.joint_names,
+            tool_frame=robot.tool_frame,
+            limits=robot.limits,
+            robot=robot.description,
+            notes={"made by": "arm3dof studio", "controller": control.controller},
+        )
+
+    def _length(self) -> float:
+        return float(self._parts[-1]["t"][-1] - self._parts[0]["t"][0]) if self._parts else 0.0
+
+
+def settings_toml(
+    source: str, overrides: Mapping[str, float], servo: str, control: cmd.Control
+) -> str:
+    """Return what is tuned as TOML.
+
+    Args:
+        source: what the robot was loaded from.
+        overrides: URDF parameters that differ from its file, SI units.
+        servo: the servo in every joint; empty for the URDF's own limits.
+        control: the controller.
+    """
+    settings = control.settings()
+    lines = ["[robot]", f'source = "{source}"']
+    if servo:
+        lines.append(f'servos = "{servo}"')
+    lines += [
+        "",
+        "[robot.overrides]",
+        *(f'"{key}" = {value!r}' for key, value in overrides.items()),
+    ]
+    lines += ["", "[control]", f'controller = "{control.controller}"']
+    lines += [f"motor_delay_s = {control.delay!r}", "", "[control.mpc]"]
+    for name in MpcSettings.__dataclass_fields__:
+        value = getattr(settings, name)
+        if value is not None:
+            lines.append(f"{name} = {_toml(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def write_into(folder: Path, name: str, data: bytes) -> Path:
+    """Write a file into the studio's folder.
+
+    Raises:
+        InputError: the name leads out of the folder, or the file cannot be written.
+    """
+    path = folder / name
+    if path.parent.resolve() != folder.resolve():
+        raise InputError(f"'{name}' leads out of {folder}; give a plain name")
+    write_atomically(path, data)
+    return path
+
+
+def free_name(folder: Path, stem: str, suffix: str) -> str:
+    """Return the first of STEM-1, STEM-2, ... that no file has."""
+    number = 1
+    while (folder / f"{stem}-{number}{suffix}").exists():
+        number += 1
+    return f"{stem}-{number}{suffix}"
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple | list | np.ndarray):
+        return "[" + ", ".join(_toml(float(item)) for item in np.ravel(value)) + "]"
+    return repr(value)
