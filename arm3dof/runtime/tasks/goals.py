@@ -151,7 +151,7 @@ class Sorting:
         wanted = [it for it in loose if it.target in self._trays and self._tries(it) > 0]
         found = [
             self._job(
-                gripping, thing, tuple(gripping.obstacle(it) for it in loose if it is not thing)
+                gripping, thing, tuple(gripping.obstacle(it) for it in things if it is not thing)
             )
             for thing in wanted
         ]
