@@ -11,6 +11,7 @@ import typer
 
 from arm3dof.cli import (
     campaign,
+    campaign_tasks,
     compare,
     demo,
     doctor,
@@ -61,6 +62,8 @@ app.command("report")(report.report_run)
 app.command()(robots.check)
 app.command("robots")(robots.robots)
 app.add_typer(see.calibrate, name="calibrate")
+campaign.campaign.command()(campaign_tasks.grasp)
+campaign.campaign.command()(campaign_tasks.sort)
 app.add_typer(campaign.campaign, name="campaign")
 
 
