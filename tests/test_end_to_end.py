@@ -13,6 +13,9 @@ import arm3dof
 from arm3dof.cli import app
 from arm3dof.config.camera_file import load_camera
 from arm3dof.errors import InputError
+from arm3dof.sim.mujoco_plant import MujocoPlant
+from arm3dof.sim.world import COLOURS, Body, World
+from arm3dof.sim.world_camera import WorldCamera
 from arm3dof.ui.demo import Outcome, tell
 from arm3dof.ui.demo_scene import RADIUS, draw_demo
 from arm3dof.vision.camera import Camera
@@ -231,3 +234,56 @@ def test_tell_refuses_a_folder_that_is_a_file(paper, tmp_path):
             paper.targets,
             tmp_path / "file",
         )
+
+
+# ---- in the physics world ----------------------------------------------------------------------
+
+
+def drive(plant, controller, target, duration):
+    hold = round(controller.dt / plant.dt)
+    for step in range(round(duration / plant.dt)):
+        if step % hold == 0:
+            tau = controller.step(plant.measure(), target).tau
+        plant.step(tau)
+
+
+def test_what_a_camera_sees_is_gripped_and_lifted():
+    robot, desk = arm3dof.load_robot(), load_camera("desk")
+    bodies = tuple(
+        Body(name, "cylinder", 0.03, 0.06, mass, COLOURS[name], x, y)
+        for name, mass, x, y in (("red", 0.05, 0.19, 0.04), ("green", 0.02, 0.17, -0.09))
+    )
+    plant = MujocoPlant(robot, World(bodies=bodies))
+    aside = np.array([-2.0, 1.8, -0.6])
+    plant.reset(arm3dof.JointState(0.0, aside, np.zeros(3)))
+    camera = WorldCamera(
+        plant,
+        desk.camera.camera_matrix,
+        desk.camera.transform_base_camera,
+        desk.camera.width,
+        desk.camera.height,
+        noise=2.0,
+        rng=np.random.default_rng(0),
+    )
+    with camera:
+        view = look(camera.take(), desk.camera, [desk.targets["red"]])
+    assert len(view.located) == 1
+    seen = view.located[0].p_base
+    np.testing.assert_allclose(seen, plant.body_pose("red")[:3, 3], atol=8e-3)
+
+    grip = arm3dof.inverse_kinematics(robot, seen).best
+    along = np.array([np.cos(grip[1:].sum()), np.sin(grip[1:].sum())])
+    out = np.array([np.cos(grip[0]), np.sin(grip[0]), 1.0])
+    before = arm3dof.inverse_kinematics(robot, seen - 0.06 * along[[0, 0, 1]] * out, near=grip).best
+    high = arm3dof.inverse_kinematics(robot, seen + [0.0, 0.0, 0.07], near=grip).best
+    controller = arm3dof.MpcController(robot)
+    for target, duration in ((before, 2.0), (grip, 1.0)):
+        drive(plant, controller, target, duration)
+    plant.command_gripper(0.0)
+    drive(plant, controller, grip, 0.7)
+    assert plant.gripper.opening == pytest.approx(0.03, abs=2e-3)
+    loaded = arm3dof.MpcController(robot.with_payload(0.05))
+    drive(plant, loaded, high, 1.5)
+    assert plant.body_pose("red")[2, 3] > -0.08 + 0.06
+    np.testing.assert_allclose(plant.state.q, high, atol=1e-3)  # its load is known: no droop
+    np.testing.assert_allclose(plant.body_pose("green")[:2, 3], [0.17, -0.09], atol=1e-3)
