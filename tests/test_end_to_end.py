@@ -275,7 +275,7 @@ def test_what_a_camera_sees_is_gripped_and_lifted():
     along = np.array([np.cos(grip[1:].sum()), np.sin(grip[1:].sum())])
     out = np.array([np.cos(grip[0]), np.sin(grip[0]), 1.0])
     before = arm3dof.inverse_kinematics(robot, seen - 0.06 * along[[0, 0, 1]] * out, near=grip).best
-    high = arm3dof.inverse_kinematics(robot, seen + [0.0, 0.0, 0.07], near=grip).best
+    high = arm3dof.inverse_kinematics(robot, seen + np.array([0.0, 0.0, 0.07]), near=grip).best
     controller = arm3dof.MpcController(robot)
     for target, duration in ((before, 2.0), (grip, 1.0)):
         drive(plant, controller, target, duration)

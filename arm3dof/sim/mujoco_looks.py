@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -15,6 +16,7 @@ WOOD, MATTE = "wood", "matte"
 _TEXEL = 0.002  # size of a point of the wood's picture [m]
 _GAMMA = 2.2
 _AMBIENT, _FILL, _LAMP = 0.36, 0.22, 0.46  # light from all round, from the camera, of the lamp
+_TO_LAMP = np.array([1.0, 0.67, 2.5])  # from the table's middle [m]
 _HORIZON, _ZENITH = (0.62, 0.65, 0.67), (0.86, 0.88, 0.89)
 
 
@@ -25,7 +27,7 @@ def add_looks(spec: mujoco.MjSpec, world: World) -> None:
         spec: the world that is built.
         world: its table and the brightness of its light.
     """
-    _add_light(spec, world.light)
+    _add_light(spec, world.table, world.light)
     sky = spec.add_texture(name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX)
     sky.builtin = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
     sky.rgb1 = np.clip(np.array(_ZENITH) * world.light, 0, 1)
@@ -40,23 +42,28 @@ def add_looks(spec: mujoco.MjSpec, world: World) -> None:
     spec.add_material(name=MATTE, specular=0.08, shininess=0.2)
 
 
-def _add_light(spec: mujoco.MjSpec, brightness: float) -> None:
+def _add_light(spec: mujoco.MjSpec, table: Table, brightness: float) -> None:
+    """Add light from all round, and a lamp that is far away and casts shadows on the table."""
+    middle = np.array([*table.centre, table.height])
     head = spec.visual.headlight
     head.ambient = np.full(3, _AMBIENT * brightness)
     head.diffuse = np.full(3, _FILL * brightness)
     head.specular = np.zeros(3)
-    spec.worldbody.add_light(
+    # a lamp whose cone just holds the table: shadows of a directional light have flaws at its edge
+    reach = math.hypot(*table.half_size)
+    lamp = spec.worldbody.add_light(
         name="lamp",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=(0.5, 0.35, 1.1),
-        dir=(-0.45, -0.30, -1.0),
+        type=mujoco.mjtLightType.mjLIGHT_SPOT,
+        pos=middle + _TO_LAMP,
+        dir=-_TO_LAMP,
         diffuse=np.full(3, _LAMP * brightness),
         specular=np.full(3, 0.3 * brightness),
         castshadow=True,
     )
-    # shadows reach as far as the table does, and are laid out about the arm
-    spec.visual.map.shadowclip = 1.0
-    spec.stat.extent, spec.stat.center = 1.0, (0.15, 0.0, -0.05)
+    lamp.cutoff = 1.08 * math.degrees(math.atan2(reach, float(np.linalg.norm(_TO_LAMP))))
+    lamp.exponent, lamp.attenuation = 0.0, (1.0, 0.0, 0.0)
+    spec.visual.map.shadowscale = 1.0
+    spec.stat.extent, spec.stat.center = 1.0, middle
     quality = spec.visual.quality
     quality.numslices, quality.numstacks, quality.numquads = 32, 2, 1
 

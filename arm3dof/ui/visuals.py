@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
 
+from arm3dof.model.geometry import LinkShape, link_shapes
 from arm3dof.model.robot import Description
 from arm3dof.state import Array
 from arm3dof.ui import shapes
@@ -23,7 +22,6 @@ Color = tuple[float, float, float, float]
 
 DEFAULT_COLOR: Color = (0.75, 0.78, 0.82, 1.0)
 JOINT_COLOR: Color = (0.0, 0.447, 0.698, 1.0)
-PACKAGE = "package://"
 
 # points that bound unit shapes: a cube's corners, a cylinder's rims, a sphere
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
@@ -63,52 +61,36 @@ def read_visuals(description: Description) -> tuple[tuple[Visual, ...], tuple[st
     Returns:
         The shapes, and the names of links whose meshes could not be found or read.
     """
-    root = ET.fromstring(description.urdf)
-    colors = {
-        material.get("name", ""): color
-        for material in root.iter("material")
-        if (color := _color(material)) is not None
-    }
     visuals: list[Visual] = []
     missing: list[str] = []
-    for link in root.findall("link"):
-        name = link.get("name", "")
-        for element in link.findall("visual"):
-            found = _visual(name, element, colors, description.package_dirs)
-            visuals.extend(found)
-            if not found and name not in missing:
-                missing.append(name)
+    for shape in link_shapes(description, "visual"):
+        found = _visual(shape)
+        visuals.extend(found)
+        if not found and shape.link not in missing:
+            missing.append(shape.link)
     return tuple(visuals), tuple(missing)
 
 
-def _visual(
-    link: str, element: ET.Element, colors: Mapping[str, Color], folders: Sequence[Path]
-) -> list[Visual]:
-    placement = _placement(element.find("origin"))
-    color = _look(element.find("material"), colors)
-    geometry = element.find("geometry")
-    kind = geometry[0] if geometry is not None and len(geometry) else None
-    if kind is None:
-        return []
-    if kind.tag == "mesh":
+def _visual(shape: LinkShape) -> list[Visual]:
+    placement = shape.placement.homogeneous
+    if shape.kind == "mesh":
         from arm3dof.ui.mesh_files import read_mesh  # trimesh takes a second to import
 
-        parts = read_mesh(_resolve(kind.get("filename", ""), folders))
-        scale = _numbers(kind.get("scale"), (1.0, 1.0, 1.0))
-        return [_mesh(link, part, color, placement, scale) for part in parts]
-    shape, points = _primitive(kind)
-    return [Visual(link, shape, color or DEFAULT_COLOR, placement, _to(placement, points))]
+        parts = read_mesh(shape.file)
+        return [_mesh(shape.link, part, shape.colour, placement, shape.size) for part in parts]
+    primitive, points = _primitive(shape)
+    color = shape.colour or DEFAULT_COLOR
+    return [Visual(shape.link, primitive, color, placement, _to(placement, points))]
 
 
-def _primitive(kind: ET.Element) -> tuple[shapes.Shape, Array]:
+def _primitive(shape: LinkShape) -> tuple[shapes.Shape, Array]:
     """Return a primitive and points that bound it, in its own frame."""
-    if kind.tag == "box":
-        size = _numbers(kind.get("size"), (0.0, 0.0, 0.0))
-        return shapes.box(size), _CORNERS * np.array(size) / 2
-    radius = float(kind.get("radius", 0))
-    if kind.tag == "sphere":
+    if shape.kind == "box":
+        return shapes.box(shape.size), _CORNERS * np.array(shape.size) / 2
+    if shape.kind == "sphere":
+        (radius,) = shape.size
         return shapes.sphere(radius), radius * _DIRECTIONS
-    length = float(kind.get("length", 0))
+    radius, length = shape.size
     return shapes.cylinder(radius, length), _RIMS * (radius, radius, length / 2)
 
 
@@ -130,42 +112,6 @@ def _mesh(
 def _to(placement: Array, points: Array) -> Array:
     """Take points from a frame to the one it is placed in."""
     return np.asarray(points @ placement[:3, :3].T + placement[:3, 3])
-
-
-def _resolve(name: str, folders: Sequence[Path]) -> Path | None:
-    """Return the file that a mesh's name means, or ``None`` when there is no such file."""
-    name = name.removeprefix("file://")
-    bare = name.removeprefix(PACKAGE)
-    candidates = [Path(name)] if bare == name else []
-    candidates += [Path(folder) / bare for folder in folders]
-    return next((path for path in candidates if path.is_file()), None)
-
-
-def _look(material: ET.Element | None, colors: Mapping[str, Color]) -> Color | None:
-    if material is None:
-        return None
-    return _color(material) or colors.get(material.get("name", ""))
-
-
-def _color(material: ET.Element) -> Color | None:
-    element = material.find("color")
-    if element is None:
-        return None
-    red, green, blue, alpha = _numbers(element.get("rgba"), DEFAULT_COLOR)
-    return red, green, blue, alpha
-
-
-def _placement(origin: ET.Element | None) -> Array:
-    transform = np.eye(4)
-    if origin is not None:
-        rpy = np.array(_numbers(origin.get("rpy"), (0.0, 0.0, 0.0)))
-        transform[:3, :3] = pin.rpy.rpyToMatrix(rpy)
-        transform[:3, 3] = _numbers(origin.get("xyz"), (0.0, 0.0, 0.0))
-    return transform
-
-
-def _numbers(text: str | None, default: tuple[float, ...]) -> tuple[float, ...]:
-    return default if text is None else tuple(map(float, text.split()))
 
 
 # ---- stand-ins ---------------------------------------------------------------------------------
