@@ -175,7 +175,7 @@ def _run(
     robot = _robot()
     truth = _truth(conditions, seed, index)
     plant = DisturbedPlant(
-        PinocchioPlant(truth, dt=PLANT_DT),
+        PinocchioPlant(truth, dt=PLANT_DT, end_stops=True),
         noise=np.deg2rad(conditions.noise_deg),
         rng=np.random.default_rng([seed, index, 2]),
     )

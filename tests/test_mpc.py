@@ -303,3 +303,16 @@ def test_arms_of_the_library_settle(name):
     metrics = summarise(run_loop(plant, MpcController(other), target, 2.0))
     assert metrics.settled
     assert metrics.torque_violations == 0
+
+
+def test_a_joint_that_is_too_fast_is_slowed_down_in_stages_and_not_at_once(robot):
+    rng = np.random.default_rng(8)
+    limits = robot.limits
+    for _ in range(10):
+        v = limits.v_max * rng.choice([-1, 1], 3) * rng.uniform(0.2, 1.5, 3)
+        state = JointState(0.0, 0.3 * robot.random_configuration(rng), v)
+        step = MpcController(robot).step(state, state.q)
+        excess = np.maximum(np.abs(step.plan[:, 3:]) - limits.v_max, 0.0)
+        if step.status is ControlStatus.SOLVED:  # as the torque allows
+            assert (excess[1:] <= 0.7 * excess[0] + 1e-5).all()
+        assert (excess[-1] < 0.05 * limits.v_max).all()

@@ -116,3 +116,41 @@ def test_a_plant_starts_at_rest_inside_the_joint_range():
         assert (state.q >= robot.limits.q_min).all()
         assert (state.q <= robot.limits.q_max).all()
         np.testing.assert_array_equal(state.v, 0.0)
+
+
+def test_end_stops_are_never_passed_and_take_energy_only():
+    robot = load_robot("arm3dof")
+    rng = np.random.default_rng(5)
+    plant, free = PinocchioPlant(robot, end_stops=True), PinocchioPlant(robot)
+    touched = 0
+    for _ in range(10):
+        start = at(robot.random_configuration(rng), 4 * rng.normal(size=3))
+        plant.reset(start)
+        for step in range(400):
+            if step % 100 == 0:
+                tau = robot.limits.tau_max * rng.uniform(-1, 1, 3)
+            free.reset(plant.state)
+            state, unstopped = plant.step(tau), free.step(tau)
+            assert (state.q >= robot.limits.q_min).all()
+            assert (state.q <= robot.limits.q_max).all()
+            if not np.array_equal(state.v, unstopped.v):
+                touched += 1
+                mass = robot.mass_matrix(unstopped.q)
+                before, after = (v @ mass @ v for v in (unstopped.v, state.v))
+                assert after <= before + 1e-2 * max(before, 1e-3)
+            else:
+                np.testing.assert_array_equal(state.q, unstopped.q)
+    assert touched > 100
+
+
+def test_a_joint_outside_its_stops_can_only_come_back():
+    robot = load_robot("arm3dof")
+    plant = PinocchioPlant(robot, end_stops=True)
+    start = np.array([robot.limits.q_max[0] + 0.2, 0.5, 0.5])
+    plant.reset(at(start))
+    outward = plant.step([1.0, *robot.gravity(start)[1:]])
+    assert outward.q[0] == start[0]
+    assert outward.v[0] == pytest.approx(0.0, abs=1e-9)
+    for _ in range(300):
+        inward = plant.step([-0.05, *robot.gravity(start)[1:]])
+    assert inward.q[0] < start[0]

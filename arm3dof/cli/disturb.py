@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from enum import StrEnum
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -160,7 +161,7 @@ class Disturbances:
 
 def _maker(engine: Engine) -> Callable[[Robot, float], DisturbablePlant]:
     if engine is Engine.PINOCCHIO:
-        return PinocchioPlant
+        return partial(PinocchioPlant, end_stops=True)
     from arm3dof.sim.mujoco_plant import MujocoPlant  # an extra, and slow to import
 
     # where a robot's table is, its URDF does not say: there is nothing within reach

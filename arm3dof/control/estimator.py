@@ -28,6 +28,7 @@ _FEWEST = 8  # readings in a sample, of which something can be made
 _MOST = 1000  # and as many as are kept
 _SMOOTH = 4  # degrees of freedom of a smooth curve through them
 _ROUGHNESS_MEMORY = 0.8  # weight of the past in what is known of the noise, in each step
+_GROWTH = 10.0  # most that one sample may be rougher than what is known, as a variance
 _GAP_MEMORY = 0.98
 _SLOW = (1.0, 0.3)  # [rad/s^2, rad/s]: motion in which a gap begins to tell less about noise
 
@@ -147,6 +148,8 @@ class StateEstimator:
         """Learn the noise from how far readings are from a smooth curve through them."""
         rough = _roughness(len(readings)) @ (readings - readings[-1])
         variance = (rough * rough).sum(axis=0) / (len(readings) - _SMOOTH)
+        if self._weight > 0:  # a blow within the sample is rough as well, but only once
+            variance = np.minimum(variance, _GROWTH * self._variance + _NEGLIGIBLE**2)
         self._weight = _ROUGHNESS_MEMORY * self._weight + 1.0
         self._variance += (variance - self._variance) / self._weight
         self.noise = np.sqrt(self._variance)

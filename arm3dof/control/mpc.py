@@ -178,6 +178,8 @@ class MpcController:
     def _optimise(self, state: JointState, reference: Reference) -> tuple[Optimum | None, Plan]:
         """Linearise along the last plan and solve; without a plan, repeat along the new one."""
         formulation, horizon, bounds = self._formulation, self.settings.horizon, self._bounds
+        if (np.abs(state.v) > self.robot.limits.v_max).any():
+            bounds = bounds.slowing_from(state.v, horizon)
         if self._most_change is not None:
             tau_max = self.robot.limits.tau_max
             held = np.clip(self.robot.gravity(state.q), -tau_max, tau_max)

@@ -32,6 +32,7 @@ from arm3dof.model.robot import Limits
 from arm3dof.state import Array
 
 _TOLERANCE = 1e-6  # a limit counts as kept up to this share of its size (1 rad, 1 rad/s at least)
+_EXCESS_LEFT = 0.7  # share of an excess of speed that may be left one stage later
 _MOST_ROUNDS = 8
 _MOST_ROWS = 3.0  # limits a decision; with more, braking is the better answer
 _PATIENCE = 3  # after so many rounds a joint's limit is added for all stages at once
@@ -87,10 +88,12 @@ class Program(NamedTuple):
 class Bounds(NamedTuple):
     """Limits of each kind of row: torque, position, velocity and, if limited, torque rate.
 
+    The second axis is that of the stages: 1 where all have the same limits, else N.
+
     Attributes:
-        low: shape (kinds, 1, nv) [N m, rad, rad/s, N m].
-        high: shape (kinds, 1, nv).
-        tolerance: excess up to which a limit counts as kept, shape (kinds, 1, nv).
+        low: shape (kinds, 1 or N, nv) [N m, rad, rad/s, N m].
+        high: shape (kinds, 1 or N, nv).
+        tolerance: excess up to which a limit counts as kept, shape (kinds, 1 or N, nv).
         least: ``low - tolerance``.
         most: ``high + tolerance``.
         price: most that a unit of violation may cost, ``UNBOUNDED`` for a hard limit, (kinds,).
@@ -125,6 +128,24 @@ class Bounds(NamedTuple):
         price = np.array([UNBOUNDED, soft_price, soft_price])
         return Bounds.around(low, high, price, np.zeros_like(tau_max))
 
+    def slowing_from(self, v: Array, horizon: int) -> Bounds:
+        """Give joints that are too fast some stages to come back under their speed limit.
+
+        A limit that has to hold one sample later is a deadbeat law: on an arm that answers twice
+        as strongly as its model says, it swings up. So the excess need only shrink from stage to
+        stage by a share of itself.
+
+        Args:
+            v: velocities at stage 0, shape (nv,) [rad/s].
+            horizon: number of stages.
+        """
+        shape = (len(self.high), horizon, v.size)
+        low, high = (np.array(np.broadcast_to(side, shape)) for side in (self.low, self.high))
+        left = _EXCESS_LEFT ** np.arange(1.0, horizon + 1)[:, np.newaxis]
+        high[2] += left * np.maximum(v - high[2], 0.0)
+        low[2] += left * np.minimum(v - low[2], 0.0)
+        return Bounds.around(low, high, self.price, self.last_torque)
+
     def with_rate(self, change: Array, last_torque: Array) -> Bounds:
         """Limit the change of torque from stage to stage as well.
 
@@ -132,7 +153,7 @@ class Bounds(NamedTuple):
             change: largest change, shape (nv,) [N m].
             last_torque: torque in force now, shape (nv,) [N m].
         """
-        most = change[np.newaxis, np.newaxis]
+        most = np.broadcast_to(change, self.high[:1].shape)
         high = np.concatenate([self.high[:3], most])
         low = np.concatenate([self.low[:3], -most])
         price = np.append(self.price[:3], UNBOUNDED)

@@ -44,7 +44,8 @@ class MpcSettings:
         torque_rate: largest change of torque, one number or one a joint [N m/s], counted at first
             from the torque that holds the arm; ``None``: any. A fallback may exceed it.
         observer_gain: share of an unexplained torque that is taken for a disturbance in each
-            step, from 0 (no observer) to 1; ``None`` takes 0 for ``"paper"`` and 0.5 otherwise.
+            step, from 0 (no observer) to 1; less is taken under noise. ``None`` is 0 for
+            ``"paper"`` and 0.75 otherwise.
         measurement_noise: standard deviation of measured positions [rad], against which the state
             is filtered; ``None`` learns it from the measurements (``"paper"``: takes 0), 0
             believes every measurement.
@@ -98,7 +99,7 @@ class MpcSettings:
                 f"the horizon, {self.horizon}"
             )
         if self.observer_gain is None:
-            object.__setattr__(self, "observer_gain", 0.0 if self.formulation == "paper" else 0.5)
+            object.__setattr__(self, "observer_gain", 0.0 if self.formulation == "paper" else 0.75)
         if not 0 <= self.gain <= 1:
             raise InputError(f"observer_gain is {self.observer_gain!r}; give a number from 0 to 1")
         for name in ("dt", "limit_weight"):

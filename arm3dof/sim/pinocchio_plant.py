@@ -27,6 +27,10 @@ class PinocchioPlant:
     it. Damping too stiff for RK4 (a geared wrist) joins that implicit step as 1/2 dt d_i v'_i^2.
     The position then follows by the trapezoidal rule.
 
+    With end stops a joint does not leave its range: where it would, the same minimum is taken over
+    the velocities that stay inside. That is an inelastic impact, and its impulse is felt by the
+    other joints. A joint that is outside already may only move back.
+
     Attributes:
         robot: the robot that is simulated.
     """
@@ -38,6 +42,7 @@ class PinocchioPlant:
         *,
         servo: Servo | None = None,
         rng: np.random.Generator | None = None,
+        end_stops: bool = False,
     ) -> None:
         """Create a plant at the middle of the joint range, at rest.
 
@@ -47,6 +52,7 @@ class PinocchioPlant:
             servo: what stands between a command and the joints, and between the joints and their
                 measurement; without one motors and encoders are ideal.
             rng: source of the encoders' noise; needed where there is some.
+            end_stops: whether joints stop at the ends of their range.
 
         Raises:
             InputError: ``dt`` is not positive, the servo has another number of joints, or its
@@ -54,7 +60,7 @@ class PinocchioPlant:
         """
         if not (np.isfinite(dt) and dt > 0):
             raise InputError(f"dt is {dt!r}; give a positive number of seconds")
-        self._dt = float(dt)
+        self._dt, self._end_stops = float(dt), end_stops
         self._drive = None if servo is None else servo.drive(robot, self._dt, rng)
         self._simulate(robot)
         middle = self.robot.limits.q_min / 2 + self.robot.limits.q_max / 2
@@ -128,9 +134,13 @@ class PinocchioPlant:
         if tool_wrench is not None:
             wrench = finite_vector(tool_wrench, 6, "tool_wrench")
         q, v = self._runge_kutta(torque, wrench)
-        if self._rubs:
+        stops = self._end_stops and self._leaves_range(q)
+        if self._rubs or stops:
             v = self._rub(v)
             q = self._q + self._dt / 2 * (self._v + v)
+        if stops:
+            limits = self.robot.limits
+            q = np.clip(q, np.minimum(limits.q_min, self._q), np.maximum(limits.q_max, self._q))
         self._q, self._v, self._applied = q, v, applied
         self._steps += 1
         self.measure()  # the encoders read every step, whether or not anybody asks
@@ -200,20 +210,30 @@ class PinocchioPlant:
         a4 = self._acceleration(q + h * v3, v4, tau, wrench)
         return q + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
+    def _leaves_range(self, q: Array) -> bool:
+        limits = self.robot.limits
+        return bool(((q < limits.q_min) | (q > limits.q_max)).any())
+
     def _rub(self, free: Array) -> Array:
-        """Return the velocity after dry friction and stiff damping, by coordinate descent."""
-        h = self._dt
+        """Return the velocity after friction, stiff damping and stops, by coordinate descent."""
+        h, nothing = self._dt, np.full(free.size, np.inf)
         mass = np.array(pin.crba(self._model, self._data, self._q))
-        dry = (h * self._friction).tolist()
+        dry = (h * self.robot.friction).tolist()
         inertia = (mass.diagonal() + h * self._implicit_damping).tolist()
         momentum = mass @ free
         np.fill_diagonal(mass, 0.0)  # what is left couples a joint to the others
+        limits, least, most = self.robot.limits, -nothing, nothing
+        if self._end_stops:
+            least = np.minimum((limits.q_min - self._q) / h, 0.0)
+            most = np.maximum((limits.q_max - self._q) / h, 0.0)
+        slowest, fastest = least.tolist(), most.tolist()
         v = free.copy()
         for _ in range(_FRICTION_SWEEPS):
             change = 0.0
             for i, limit in enumerate(dry):
                 pull = float(momentum[i] - mass[i] @ v)
                 new = math.copysign(max(abs(pull) - limit, 0.0), pull) / inertia[i]
+                new = min(max(new, slowest[i]), fastest[i])
                 change = max(change, abs(new - float(v[i])))
                 v[i] = new
             if change < _FRICTION_TOLERANCE:

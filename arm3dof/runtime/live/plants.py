@@ -67,7 +67,7 @@ class RigidPlant:
 
     def __init__(self, robot: Robot, dt: float = PLANT_DT) -> None:
         """Create a plant at rest in the middle of the joint range."""
-        self._plant = PinocchioPlant(robot, dt)
+        self._plant = PinocchioPlant(robot, dt, end_stops=True)
         self.opening = float("nan")
         self.bodies: Array = np.zeros((0, 7))
         self.fingers: Array = np.full(2, np.nan)
