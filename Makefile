@@ -13,10 +13,10 @@ export OMP_NUM_THREADS := 1
 PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-fast test-slow lint format types contract docs bench images clean
+.PHONY: help demo test test-fast test-slow lint format types contract docs bench images screenshots clean
 
 help:  ## show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s  %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s  %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 demo: $(BASE)  ## picture -> target -> motion, then a page that plays it (ARGS=--no-serve: no page)
 	$(BIN)/arm3dof demo --out out $(ARGS)
@@ -58,6 +58,10 @@ images: $(DEV)  ## draw the pictures that the README and the docs show
 	$(BIN)/python tools/make_control_figures.py
 	$(BIN)/python tools/make_physics_figure.py
 	$(BIN)/python tools/make_images.py
+
+screenshots: $(DEV)  ## photograph the pages that the manual shows
+	@$(BIN)/python tools/ensure_chromium.py
+	$(BIN)/python tools/make_screenshots.py
 
 clean:  ## remove the environments and everything that was built
 	rm -rf .venv .venv-peers build dist out docs/_build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -206,7 +206,7 @@ def show_metrics(console: Console, metrics: Metrics) -> None:
 
 
 def show_files(console: Console, files: Sequence[Path]) -> None:
-    """Print which files were written, all into one folder."""
-    if files:
-        names = ", ".join(file.name for file in files)
-        console.print(f"  [dim]{'wrote':13}[/] {escape(str(files[0].parent))}: {escape(names)}")
+    """Print which files were written, folder by folder."""
+    for folder in dict.fromkeys(file.parent for file in files):
+        names = ", ".join(file.name for file in files if file.parent == folder)
+        console.print(f"  [dim]{'wrote':13}[/] {escape(str(folder))}: {escape(names)}")

@@ -18,6 +18,7 @@ from arm3dof.runtime.metrics import summarise
 from arm3dof.runtime.recording import Recording
 from arm3dof.state import Array, frozen_array
 from arm3dof.ui import shapes
+from arm3dof.ui.facets import Facets, Piece, facets
 from arm3dof.ui.meshcat_window import Command, MeshcatWindow
 from arm3dof.ui.replay import caption_command, no_replay, replay_command, sample_rows
 from arm3dof.ui.stage import stage_commands, view_command
@@ -40,6 +41,7 @@ class RobotDrawing:
 
     Attributes:
         link_names: the links, each drawn at ``PATH/LINK``.
+        visuals: the shapes, each fixed to a link.
         stand_ins: links whose meshes are missing and that are drawn as a stick figure.
     """
 
@@ -63,7 +65,7 @@ class RobotDrawing:
         self.stand_ins: tuple[str, ...] = tuple(name for name in missing if name not in drawn)
         if self.stand_ins or not visuals:
             visuals += stick_figure(self._model, robot.tool_frame, drawn)
-        self._visuals = visuals
+        self.visuals: tuple[Visual, ...] = visuals
 
     def node(self, link: str) -> str:
         """Return the path of a link's node."""
@@ -73,7 +75,7 @@ class RobotDrawing:
         """Return the commands that draw every shape."""
         commands: list[Command] = []
         count: dict[str, int] = {}
-        for visual in self._visuals:
+        for visual in self.visuals:
             number = count[visual.link] = count.get(visual.link, -1) + 1
             path = f"{self.node(visual.link)}/{number}"
             look = shapes.material(self._color or visual.color, side=2 if visual.is_mesh else 0)
@@ -113,6 +115,24 @@ class RobotDrawing:
                 points.append(box @ transform[:3, :3].T + transform[:3, 3])
         return np.concatenate(points)
 
+    def enclosing_ball(self, configurations: Array) -> tuple[Array, float]:
+        """Return centre, shape (3,) [m], and radius [m] of a ball around all shapes.
+
+        Args:
+            configurations: joint positions, shape (n, nv) [rad].
+        """
+        points = self.outline(configurations)
+        center = (points.min(axis=0) + points.max(axis=0)) / 2
+        return center, float(np.linalg.norm(points - center, axis=1).max())
+
+    def facets(self) -> Facets:
+        """Return every shape as flat faces; the owners are the links, in order."""
+        numbers = {name: number for number, name in enumerate(self.link_names)}
+        return facets(
+            Piece(numbers[each.link], each.shape, each.placement, self._color or each.color)
+            for each in self.visuals
+        )
+
     def floor(self) -> float:
         """Return the height of the lowest point that never moves [m]; 0 when there is none."""
         transforms = self.placements(pin.neutral(self._model))
@@ -124,7 +144,7 @@ class RobotDrawing:
 
     def _outlines(self) -> list[Array]:
         found: dict[str, list[Visual]] = {name: [] for name in self.link_names}
-        for visual in self._visuals:
+        for visual in self.visuals:
             found[visual.link].append(visual)
         return [
             np.concatenate([np.zeros((0, 3)), *(visual.outline for visual in visuals)])
@@ -302,10 +322,7 @@ class Scene:
         Args:
             configurations: joint positions at which all of it is to be seen, shape (n, nv) [rad].
         """
-        points = self.drawing.outline(configurations)
-        low, high = points.min(axis=0), points.max(axis=0)
-        center = (low + high) / 2
-        radius = float(np.linalg.norm(points - center, axis=1).max())
+        center, radius = self.drawing.enclosing_ball(configurations)
         self.window.post(*stage_commands(center, radius, self._floor), view_command(center, radius))
         return radius
 

@@ -91,7 +91,7 @@ def status_segments(recording: Recording) -> list[dict[str, object]]:
             "from": float(r.t[start] - r.t[0]),
             "to": float(r.t[end] - r.t[0]),
             "name": _name(r.status[start], r.source[start]),
-            "level": _level(r.status[start], r.source[start]),
+            "level": status_level(r.status[start], r.source[start]),
         }
         for start, end in zip(starts, ends, strict=True)
     ]
@@ -126,9 +126,9 @@ def _status_kinds(r: Recording) -> list[dict[str, object]]:
     return [
         {
             "name": _name(status, source),
-            "level": _level(status, source),
+            "level": status_level(status, source),
             "count": int(count),
-            "sentence": _sentence(status, source),
+            "sentence": status_sentence(status, source),
         }
         for (status, source), count in zip(pairs, counts, strict=True)
     ]
@@ -214,14 +214,16 @@ def _name(status: int, source: int) -> str:
     return _NAMES[ControlStatus(status)] + _SOURCES.get(TorqueSource(source), "")
 
 
-def _sentence(status: int, source: int) -> str:
+def status_sentence(status: int, source: int) -> str:
+    """Return a control step's status and source in plain words."""
     said = ControlStatus(status).sentence
     if source == TorqueSource.OPTIMUM:
         return said
     return f"{said}; instead: {TorqueSource(source).sentence}"
 
 
-def _level(status: int, source: int) -> int:
+def status_level(status: int, source: int) -> int:
+    """Return 0 for an optimum, 1 where a limit was softened, 2 for the last plan, 3 for braking."""
     if source != TorqueSource.OPTIMUM:
         return 1 + int(source)
     return 0 if status == ControlStatus.SOLVED else 1
@@ -235,10 +237,24 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
+def picture_kind(picture: bytes, name: str = "the picture") -> str:
+    """Return "png", "jpeg" or "webp".
+
+    Args:
+        picture: the bytes of a file.
+        name: what the message calls it.
+
+    Raises:
+        InputError: it is of another kind.
+    """
+    for magic, kind in _KINDS.items():
+        if picture.startswith(magic):
+            return kind
+    raise InputError(f"{name} is no PNG, JPEG or WebP file; give one of these")
+
+
 def _data_url(picture: bytes, name: str = "the picture") -> str:
-    kind = next((kind for magic, kind in _KINDS.items() if picture.startswith(magic)), None)
-    if kind is None:
-        raise InputError(f"{name} is no PNG, JPEG or WebP file; give one of these")
+    kind = picture_kind(picture, name)
     if len(picture) > MAX_PICTURE:
         raise InputError(
             f"{name} has {len(picture) / 1e6:.1f} MB; give one of at most {MAX_PICTURE / 1e6:g} MB"
