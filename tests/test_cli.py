@@ -591,6 +591,20 @@ def test_doctor_on_a_bare_machine(monkeypatch):
         assert findings[found].cure
 
 
+def test_doctor_tells_what_the_physics_world_is_drawn_with(monkeypatch, tmp_path):
+    finding = next(it for it in doctor.examine() if it.what == "physics world")
+    assert finding.ok
+    assert "draws by" in finding.found
+    (tmp_path / "mujoco.py").write_text("raise ImportError('no driver')")
+    monkeypatch.chdir(tmp_path)  # where `python -c` looks first
+    broken = next(it for it in doctor.examine() if it.what == "physics world")
+    assert "the physics world needs the extra 'physics'" in broken.found
+    assert "libegl1" in broken.cure
+    monkeypatch.setattr(doctor, "_package", lambda name: doctor.Finding(name, False, "none"))
+    absent = next(it for it in doctor.examine() if it.what == "physics world")
+    assert (absent.ok, absent.found) == (True, "not installed")
+
+
 def test_doctor_sees_a_shadowing_install(monkeypatch, tmp_path):
     folder = tmp_path / "ros" / "site-packages"
     (folder / "pinocchio").mkdir(parents=True)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from arm3dof.control.mpc import MpcController
-from arm3dof.errors import InputError
+from arm3dof.errors import ArmError, InputError
 from arm3dof.model.kinematics import inverse_kinematics
 from arm3dof.model.library import load_robot
 from arm3dof.runtime.loop import run_loop
@@ -87,7 +87,7 @@ def test_joints_stop_at_their_ends(robot):
     for _ in range(2000):
         plant.step([1.96, 1.96, 1.96])
     # the upper arm lies on the joint's end, or the forearm is pressed on something before it
-    assert (plant.state.q <= robot.limits.q_max + 0.03).all()
+    assert (plant.state.q <= robot.limits.q_max + 0.01).all()
     assert plant.state.q[0] == pytest.approx(robot.limits.q_max[0], abs=0.02)
     np.testing.assert_allclose(plant.state.v, 0.0, atol=1e-2)
 
@@ -142,6 +142,13 @@ def test_bad_inputs_are_refused(robot):
         plant.body_pose("can")
     with pytest.raises(InputError, match="this plant goes on with joint1, joint2, joint3"):
         plant.change_robot(load_robot("ur5"))
+
+
+def test_a_breakdown_is_told(robot):
+    plant = MujocoPlant(robot)
+    plant.data.qvel[:] = np.nan
+    with pytest.raises(ArmError, match=r"the physics world broke down at 0\.001 s"):
+        plant.step(np.zeros(3))
 
 
 def test_a_robot_without_fingers_has_no_gripper():

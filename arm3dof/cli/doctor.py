@@ -52,7 +52,7 @@ class Finding:
 
 
 def examine() -> list[Finding]:
-    """Look at Python, the packages, OpenCV, the port, GL and the browser."""
+    """Look at Python, the packages, OpenCV, physics, the port, GL and the browser."""
     return [
         _python(),
         *map(_package, PACKAGES),
@@ -60,6 +60,7 @@ def examine() -> list[Finding]:
         _opencv(),
         _namesake(),
         _robots(),
+        _physics(),
         _port(),
         _gl(),
         _browser(),
@@ -171,6 +172,23 @@ def _robots() -> Finding:
         return Finding(what, ok=True, found=f"example-robot-data {data.found}")
     cure = "for ur5, panda, so101 and others (optional, 420 MB): pip install 'arm3dof[robots]'"
     return Finding(what, ok=True, found="the bundled arm only", cure=cure)
+
+
+def _physics() -> Finding:
+    """Make a renderer in a process of its own: a driver may crash it."""
+    what = "physics world"
+    if not (package := _package("mujoco")).ok:
+        cure = "for grasping and sorting in physics (optional): pip install 'arm3dof[physics]'"
+        return Finding(what, ok=True, found="not installed", cure=cure)
+    code = "from arm3dof.sim.renderer import backend; print(backend()[0])"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    if run.returncode == 0:
+        return Finding(
+            what, ok=True, found=f"mujoco {package.found}, draws by {run.stdout.strip()}"
+        )
+    reason = (run.stderr.strip().splitlines() or [f"exit code {run.returncode}"])[-1]
+    cure = "no pictures of it: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
+    return Finding(what, ok=True, found=f"mujoco {package.found}; {reason}", cure=cure)
 
 
 def _port() -> Finding:

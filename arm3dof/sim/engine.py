@@ -9,4 +9,8 @@ try:
 except ImportError as error:
     raise MissingExtra("the physics world", "physics") from error
 
+# MuJoCo would write MUJOCO_LOG.TXT wherever one stands; a plant says itself when it breaks down
+if mujoco.get_mju_user_warning() is None:
+    mujoco.set_mju_user_warning(lambda message: None)
+
 __all__ = ["mujoco"]

@@ -20,7 +20,7 @@ ROBOT, STATIC, LOOSE, SEEN = 1, 2, 4, 0
 """Collision groups: the robot, what stands still, what can be moved, and what is only seen."""
 
 _GREY = (0.75, 0.78, 0.82, 1.0)
-_END_STOP = (0.004, 1.0)  # time constant [s] and damping ratio of a joint's end stop
+_END_STOP = (0.99, 0.999, 0.001, 0.5, 2.0)  # how the end of a joint's range takes up torque
 FIRM = (0.004, 1.0)
 """Time constant [s] and damping ratio of contacts."""
 HARD = (0.95, 0.99, 0.0005, 0.5, 2.0)
@@ -66,7 +66,8 @@ def add_arm(spec: mujoco.MjSpec, robot: Robot, gripper: Gripper | None, grip: fl
             axis=joint.axis / np.linalg.norm(joint.axis),
             limited=limited,
             range=(joint.lower, joint.upper) if limited else (0.0, 0.0),
-            solref_limit=_END_STOP,
+            solref_limit=FIRM,
+            solimp_limit=_END_STOP,
             solref_friction=FIRM,
             solimp_friction=_STICKING,
             damping=damping(joint.damping),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm3dof.errors import InputError
+from arm3dof.errors import ArmError, InputError
 from arm3dof.model.gripper import Gripper, find_gripper, with_free_gripper
 from arm3dof.model.robot import Robot
 from arm3dof.sim.engine import mujoco
@@ -161,6 +161,7 @@ class MujocoPlant:
 
         Raises:
             InputError: a torque or the wrench has another shape or is not finite.
+            ArmError: the simulation broke down.
         """
         limit = self.robot.limits.tau_max
         asked = finite_vector(tau, self.robot.nv, "tau")
@@ -173,8 +174,15 @@ class MujocoPlant:
         self._move_gripper()
         mujoco.mj_step(self.model, self.data, self._substeps)
         self._steps += 1
-        self.measure()  # the encoders read every step, whether or not anybody asks
-        return self.state
+        state = self.state
+        if not math.isfinite(float(state.v.sum())):
+            raise ArmError(
+                f"the physics world broke down at {state.t:.3f} s: q = {state.q}, v = {state.v}; "
+                f"try shorter steps than {self._dt} s"
+            )
+        if self._drive is not None:
+            self._drive.measure(state)  # the encoders read every step, asked or not
+        return state
 
     def _push(self, torque: ArrayLike | None, wrench: ArrayLike | None) -> Array | float:
         """Return what the surroundings do to the joints, shape (nv,) [N m]; 0 for nothing."""

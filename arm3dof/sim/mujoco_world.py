@@ -37,6 +37,7 @@ def build_model(
     spec.option.impratio = 100.0  # stiff friction: what is held creeps by 0.05 mm in 10 s
     spec.option.iterations = 30
     spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # it would hide a breakdown
     spec.compiler.degree, spec.compiler.autolimits = False, False
     add_arm(spec, robot, gripper, world.grip_friction)
     for name, limit in zip(robot.joint_names, robot.limits.tau_max, strict=True):
