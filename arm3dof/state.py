@@ -27,14 +27,17 @@ def frozen_array(values: ArrayLike, *shape: int | None, name: str) -> Array:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{name} is {values!r}; give an array of numbers") from None
-    fits = array.ndim == len(shape) and all(
-        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
-    )
-    if not fits:
+    if array.shape != shape and not _fits(array.shape, shape):
         wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
         raise InputError(f"{name} has shape {array.shape}; give shape {wanted}")
     array.flags.writeable = False
     return array
+
+
+def _fits(have: tuple[int, ...], want: tuple[int | None, ...]) -> bool:
+    return len(have) == len(want) and all(
+        b is None or a == b for a, b in zip(have, want, strict=True)
+    )
 
 
 def finite_vector(values: ArrayLike, size: int, name: str) -> Array:

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 import arm3dof
 from arm3dof.control.reference import Target, cartesian_path
 from arm3dof.files import write_atomically
+from arm3dof.model.uncertainty import perturbed
 from arm3dof.runtime.experiment import PAPER_TARGET_DEG
-from arm3dof.runtime.metrics import SETTLED_ERROR
+from arm3dof.runtime.metrics import SETTLED_ERROR, SETTLED_SPEED
 from arm3dof.runtime.sweep import Vary, default_points, sweep
 from arm3dof.runtime.sweep import points as sweep_points
 from arm3dof.sim.disturbance import DisturbedPlant, PayloadChange
@@ -66,9 +67,10 @@ def drive(
     start: ArrayLike = (0.0, 0.0, 0.0),
     duration: float = 2.0,
     show: Show | None = None,
+    believed: arm3dof.Robot | None = None,
 ) -> tuple[arm3dof.Recording, list[Thought]]:
     """Drive a plant from rest; return what happened, and what its controller thought."""
-    mpc = arm3dof.MpcController(plant.robot, settings)
+    mpc = arm3dof.MpcController(believed or plant.robot, settings)
     controller = Between(mpc, show) if show else mpc
     thoughts: list[Thought] = []
 
@@ -168,7 +170,7 @@ def load() -> Figure:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.35, 1))
     taken, released, mass = 1.5, 3.5, 0.1
     changes = [PayloadChange(taken, mass), PayloadChange(released, None)]
-    for gain, color, name in ((0.0, ORANGE, "no observer"), (0.5, BLUE, "with observer")):
+    for gain, color, name in ((0.0, ORANGE, "no observer"), (0.75, BLUE, "with observer")):
         plant = DisturbedPlant(arm3dof.PinocchioPlant(ARM), payloads=changes)
         settings = arm3dof.MpcSettings(observer_gain=gain)
         recording, thoughts = drive(plant, settings, duration=5.0)
@@ -191,6 +193,46 @@ def load() -> Figure:
     middle = (taken + released) / 2
     say(above, middle, 0.55, "carrying 100 g", "center", of=("data", "axes fraction"))
     below.set(title="Mass at the tool", ylabel="mass [g]", xlabel="time [s]")
+    return figure
+
+
+def noise() -> Figure:
+    """How still an arm stands that is measured with 0.1 deg of noise."""
+    figure = Figure(figsize=(9.6, 4.2), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1.35, 1))
+    truth = perturbed(ARM, 30, rng=np.random.default_rng(1))
+    sigma, joint, since = np.deg2rad(0.1), 2, 1.5
+    for place, (declared, between, color, name) in enumerate(
+        (
+            (0.0, False, ORANGE, "measurements believed"),
+            (None, False, PINK, "filtered, one reading a sample"),
+            (None, True, BLUE, "filtered, all readings"),
+        )
+    ):
+        inner = arm3dof.PinocchioPlant(truth)
+        plant = DisturbedPlant(inner, noise=sigma, rng=np.random.default_rng(2))
+        settings = arm3dof.MpcSettings(measurement_noise=declared)
+        show = None if between else (lambda state, target: (state, target))
+        recording, _ = drive(plant, settings, duration=6.0, show=show, believed=ARM)
+        late = recording.t >= since
+        speed = recording.v[late, joint]
+        left.plot(recording.t[late], speed - 0.3 * place, color=color, lw=1.2, zorder=3)
+        left.axhspan(
+            -SETTLED_SPEED - 0.3 * place, SETTLED_SPEED - 0.3 * place, color=SETTLED_BAND, lw=0
+        )
+        say(left, since + 0.05, 0.12 - 0.3 * place, name, "left", of="data", color=color)
+        fastest = np.sort(np.abs(recording.v[late]).max(axis=1))
+        right.plot(fastest, np.linspace(0, 100, fastest.size), color=color, label=name, zorder=3)
+    left.set(xlim=(since, 6), ylim=(-0.75, 0.2), xlabel="time [s]", yticks=[])
+    left.set_title("True speed of joint3 on its target; bands: ±0.05 rad/s")
+    right.axvspan(0, SETTLED_SPEED, color=SETTLED_BAND, lw=0, zorder=0.5)
+    right.set(
+        xlim=(0, 0.15),
+        ylim=(0, 101),
+        xticks=(0, 0.05, 0.1, 0.15),
+        xlabel="speed of the fastest joint [rad/s]",
+    )
+    right.set(ylabel="share of the time below it [%]", title="How still the arm stands")
     return figure
 
 
@@ -382,6 +424,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "plans": plans,
     "limits": limits,
     "load": load,
+    "noise": noise,
     "delay": delay,
     "fallback": fallback,
     "weights": weights,

@@ -27,6 +27,7 @@ _FRICTION_SHARE = 0.9  # friction compensation never takes more of the torque li
 _MOST_OVERSPEED = 10.0  # a speed of more than this many times its limit is a broken measurement
 _MOST_OUTSIDE = 2 * np.pi  # [rad]: and so is a position this far outside its range
 _TARGET_JUMP = 0.1  # [rad]: a target that moves more in one step makes the last plan useless
+_FARTHEST = 50.0  # [rad]: a target that is farther away pulls no harder
 _FORMULATIONS: dict[str, Callable[[Robot, MpcSettings], Formulation]] = {
     "tracking": TrackingFormulation,
     "torque": TorqueFormulation,
@@ -104,6 +105,7 @@ class MpcController:
         state = self.observer.predict(state.t)
         if not np.isfinite(reference.q).all():
             return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)
+        reference = self._within_reach(reference, state)
         if self._target_jumped(reference) or self.observer.jumped:
             self._forget_plan()
         with np.errstate(all="ignore"):  # an absurd state overflows; its program is not solved
@@ -166,6 +168,13 @@ class MpcController:
         self._formulation.reset()
         self._solver.reset()
         self._fallback.expire()
+
+    def _within_reach(self, reference: Reference, state: JointState) -> Reference:
+        """Return the reference, with absurdly far targets moved nearer: they take long to solve."""
+        if max(abs(q) for q in reference.q[0].tolist()) < _FARTHEST:
+            return reference
+        low, high = state.q - _FARTHEST, state.q + _FARTHEST
+        return Reference(np.clip(reference.q, low, high), reference.v)
 
     def _target_jumped(self, reference: Reference) -> bool:
         last, self._target = self._target, reference.q[0]

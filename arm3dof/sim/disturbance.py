@@ -156,6 +156,8 @@ class DisturbedPlant:
 
     def _acting(self, events: list[tuple[Wrench | JointTorque, Array]]) -> Array | None:
         """Return the mean over the next step of all that acts in it; ``None`` for nothing."""
+        if not events:
+            return None
         t, dt = self.state.t, self.dt
         acting = [
             share * vector for event, vector in events if (share := share_of_step(event, t, dt))

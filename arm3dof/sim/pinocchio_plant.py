@@ -68,6 +68,7 @@ class PinocchioPlant:
         self._v = np.zeros(robot.nv)
         self._applied = finite_vector(np.zeros(robot.nv), robot.nv, "tau")
         self._t0, self._steps = 0.0, 0
+        self._seen: JointState | None = None
         self._start_servos()
 
     @property
@@ -78,7 +79,9 @@ class PinocchioPlant:
     @property
     def state(self) -> JointState:
         """The present state."""
-        return JointState(self._t0 + self._steps * self._dt, self._q, self._v)
+        if self._seen is None:
+            self._seen = JointState(self._t0 + self._steps * self._dt, self._q, self._v)
+        return self._seen
 
     @property
     def applied_torque(self) -> Array:
@@ -100,7 +103,7 @@ class PinocchioPlant:
                 f"the state is q = {state.q}, v = {state.v}; "
                 f"{self.robot.name} needs {self.robot.nv} finite positions and velocities"
             )
-        self._t0, self._steps = state.t, 0
+        self._t0, self._steps, self._seen = state.t, 0, None
         self._q, self._v = np.array(state.q), np.array(state.v)
         self._applied = finite_vector(np.zeros(self.robot.nv), self.robot.nv, "tau")
         self._start_servos()
@@ -142,7 +145,7 @@ class PinocchioPlant:
             limits = self.robot.limits
             q = np.clip(q, np.minimum(limits.q_min, self._q), np.maximum(limits.q_max, self._q))
         self._q, self._v, self._applied = q, v, applied
-        self._steps += 1
+        self._steps, self._seen = self._steps + 1, None
         self.measure()  # the encoders read every step, whether or not anybody asks
         return self.state
 
@@ -156,6 +159,7 @@ class PinocchioPlant:
             InputError: the change has another shape or is not finite.
         """
         self._q = self._q + finite_vector(change, self.robot.nv, "change")
+        self._seen = None
         return self.state
 
     def change_robot(self, robot: Robot) -> None:
