@@ -267,6 +267,36 @@ def test_what_it_grips_is_lifted_and_held(robot, shape, width, mass):
     assert plant.body_pose("it")[2, 3] < -0.11 + 0.031
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(25))
+def test_any_scattered_object_can_be_gripped_and_lifted(robot, seed):
+    (body,) = scatter(np.random.default_rng(seed), 1)
+    plant = MujocoPlant(robot, World(bodies=(body,)))
+    height = max(min(body.height_m / 2, 0.035), 0.02)
+    grip = above(robot, height, (body.x, body.y), near=[0.0, 1.5, -1.5])
+    pitch = grip[1] + grip[2]
+    back = -0.06 * np.cos(pitch) * np.array([np.cos(grip[0]), np.sin(grip[0])])
+    before = above(robot, height - 0.06 * np.sin(pitch), (body.x, body.y) + back, near=grip)
+    high = above(robot, height + 0.06, (0.95 * body.x, 0.95 * body.y), near=grip)
+    plant.reset(at(before))
+    start = plant.body_pose(body.name)[2, 3]
+    ramp(plant, MpcController(robot), before, grip, 0.8)
+    plant.command_gripper(0.0)
+    drive(plant, MpcController(robot), grip, 0.7)
+    loaded = MpcController(robot.with_payload(body.mass))
+    ramp(plant, loaded, grip, high, 0.6)
+    drive(plant, loaded, high, 0.6)
+    assert plant.body_pose(body.name)[2, 3] > start + 0.05
+    np.testing.assert_allclose(plant.state.q, high, atol=2e-3)
+
+
+def ramp(plant, controller, start, end, duration):
+    """Move on a straight line in joint space, and wait a little at its end."""
+    for share in np.linspace(0.1, 1.0, 10):
+        drive(plant, controller, start + share * (end - start), duration / 10)
+    drive(plant, controller, end, 0.3)
+
+
 def held_at(plant):
     tool = plant.robot.placement(plant.state.q).homogeneous
     return (np.linalg.inv(tool) @ plant.body_pose("it"))[:3, 3]

@@ -8,7 +8,7 @@ import pytest
 
 from arm3dof.errors import InputError
 from arm3dof.sim.table import Table
-from arm3dof.sim.world import COLOURS, SHAPES, Bin, Body, Region, World, scatter
+from arm3dof.sim.world import COLOURS, MUTED, SHAPES, Bin, Body, Region, World, scatter
 
 RED = COLOURS["red"]
 CAN = Body("can", "cylinder", 0.03, 0.05, 0.04, RED, 0.18, 0.02)
@@ -61,6 +61,7 @@ def test_impossible_bodies_are_refused(change, message):
     [
         (lambda: World(light=0.0), "light is 0.0; give a number above 0"),
         (lambda: World(friction=-1.0), "friction is -1.0"),
+        (lambda: World(surface="ice"), "the table's surface is 'ice'; give one of: wood, plain"),
         (lambda: World(bodies=(CAN, replace(CAN, x=0.3))), "2 are called body 'can'"),
         (lambda: World(bins=(TRAY, TRAY)), "2 are called bin 'red'"),
         (lambda: World(bodies=(CAN, replace(CAN, name="b", x=0.2))), "'can' and 'b' stand in one"),
@@ -93,6 +94,14 @@ def test_scattered_bodies_stand_apart_inside_their_region():
                 apart = math.hypot(body.x - other.x, body.y - other.y)
                 assert apart >= body.reach + other.reach + gap - 1e-12
     assert seen == set(SHAPES)
+
+
+def test_clutter_stands_apart_from_what_is_there():
+    rng = np.random.default_rng(2)
+    wanted = scatter(rng, 4)
+    clutter = scatter(rng, 4, colours=MUTED, others=wanted)
+    World(bodies=wanted + clutter)
+    assert [body.name for body in clutter] == ["grey_0", "white_1", "black_2", "brown_3"]
 
 
 def test_a_seed_draws_the_same_world_again():

@@ -104,6 +104,13 @@ def test_light_brightens_and_dims(robot):
     assert 20 < means[0] < 0.4 * means[1] < means[1] < means[2] < 250
 
 
+def test_a_plain_table_has_no_grain(robot):
+    grain, plain = (picture_of(plant_with(robot, surface=name)) for name in ("wood", "plain"))
+    patch = (slice(150, 230), slice(20, 120))  # of the table
+    assert plain[patch].std(axis=(0, 1)).max() < 0.6 * grain[patch].std(axis=(0, 1)).min()
+    assert np.ptp(plain[patch].mean(axis=(0, 1))) < 15
+
+
 def test_shadows_darken_the_table(robot):
     plant = plant_with(robot, Body("post", "cylinder", 0.03, 0.10, 0.1, COLOURS["blue"], 0.2, 0.0))
     bare = picture_of(plant, shadows=False).astype(int)

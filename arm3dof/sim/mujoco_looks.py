@@ -12,16 +12,17 @@ from arm3dof.sim.engine import mujoco
 from arm3dof.sim.table import Table
 from arm3dof.sim.world import World
 
-WOOD, MATTE = "wood", "matte"
+WOOD, PLAIN, MATTE = "wood", "plain", "matte"
 _TEXEL = 0.002  # size of a point of the wood's picture [m]
 _GAMMA = 2.2
 _AMBIENT, _FILL, _LAMP = 0.36, 0.22, 0.46  # light from all round, from the camera, of the lamp
 _TO_LAMP = np.array([1.0, 0.67, 2.5])  # from the table's middle [m]
+_PLAIN_GREY = (0.62, 0.63, 0.64, 1.0)
 _HORIZON, _ZENITH = (0.62, 0.65, 0.67), (0.86, 0.88, 0.89)
 
 
 def add_looks(spec: mujoco.MjSpec, world: World) -> None:
-    """Add light, background, and the materials ``WOOD`` and ``MATTE``.
+    """Add light, background, and the materials ``WOOD``, ``PLAIN`` and ``MATTE``.
 
     Args:
         spec: the world that is built.
@@ -39,6 +40,7 @@ def add_looks(spec: mujoco.MjSpec, world: World) -> None:
     wood.data = picture.tobytes()
     material = spec.add_material(name=WOOD, specular=0.1, shininess=0.3, texrepeat=(1.0, 1.0))
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = WOOD
+    spec.add_material(name=PLAIN, specular=0.1, shininess=0.3, rgba=_PLAIN_GREY)
     spec.add_material(name=MATTE, specular=0.08, shininess=0.2)
 
 

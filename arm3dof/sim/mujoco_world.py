@@ -8,7 +8,7 @@ from arm3dof.model.gripper import Gripper
 from arm3dof.model.robot import Robot
 from arm3dof.sim.engine import mujoco
 from arm3dof.sim.mujoco_arm import FIRM, HARD, LOOSE, ROBOT, SEEN, STATIC, VISIBLE, add_arm
-from arm3dof.sim.mujoco_looks import MATTE, WOOD, add_looks
+from arm3dof.sim.mujoco_looks import MATTE, add_looks
 from arm3dof.sim.world import Bin, Body, World
 
 GRIPPER = "gripper servo"
@@ -84,7 +84,7 @@ def _add_table(spec: mujoco.MjSpec, world: World) -> None:
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         pos=(*table.centre, table.height),
         size=(*table.half_size, 0.05),
-        material=WOOD,
+        material=world.surface,
     )
     _still(ground, world)
 

@@ -22,6 +22,7 @@ from arm3dof.state import frozen_array
 Colour = tuple[float, float, float]
 Shape = Literal["cylinder", "cube", "bottle"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
+Surface = Literal["wood", "plain"]
 
 COLOURS: Mapping[str, Colour] = MappingProxyType(
     {
@@ -32,6 +33,16 @@ COLOURS: Mapping[str, Colour] = MappingProxyType(
     }
 )
 """Colours of matte objects that can be told apart on wood: sRGB red, green, blue, 0 to 1."""
+
+MUTED: Mapping[str, Colour] = MappingProxyType(
+    {
+        "grey": (0.45, 0.46, 0.47),
+        "white": (0.88, 0.88, 0.86),
+        "black": (0.07, 0.07, 0.08),
+        "brown": (0.36, 0.27, 0.20),
+    }
+)
+"""Colours of things that are in the way and that nobody looks for."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +134,7 @@ class World:
         light: brightness of the light; 1 exposes a picture well, 0.3 is dusk, 2 is glaring.
         friction: coefficient between objects and table.
         grip_friction: coefficient between objects and the gripper's pads.
+        surface: of the table: ``wood`` with its grain, or ``plain`` grey.
 
     Raises:
         InputError: two bodies or two bins share a name, bodies stand in one another, or a number
@@ -135,10 +147,14 @@ class World:
     light: float = 1.0
     friction: float = 0.5
     grip_friction: float = 1.0
+    surface: Surface = "wood"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bodies", tuple(self.bodies))
         object.__setattr__(self, "bins", tuple(self.bins))
+        if self.surface not in get_args(Surface):
+            surfaces = ", ".join(get_args(Surface))
+            raise InputError(f"the table's surface is {self.surface!r}; give one of: {surfaces}")
         _positive("the world", light=self.light)
         _positive("the world", friction=self.friction, grip_friction=self.grip_friction)
         for kind, parts in (("body", self.bodies), ("bin", self.bins)):
@@ -251,6 +267,7 @@ def scatter(
     turn: float = 0.17,
     gap_m: float = 0.02,
     bins: tuple[Bin, ...] = (),
+    others: tuple[Body, ...] = (),
 ) -> tuple[Body, ...]:
     """Draw bodies that stand apart in a region, their colours in turn.
 
@@ -267,6 +284,7 @@ def scatter(
             turn about the vertical takes a 4 cm cube between pads 5 cm apart up to 0.17.
         gap_m: least distance between two of them, and between one and a bin [m].
         bins: trays that they must not stand in.
+        others: bodies that are there already, and that they must stand apart from too.
 
     Raises:
         InputError: there is no room for so many.
@@ -284,7 +302,7 @@ def scatter(
                 x, y = region.draw(rng)
                 yaw = math.atan2(y, x) + aside
                 body = Body(f"{name}_{index}", shape, *size, colour, x, y, yaw)
-                if all(_apart(body, other) >= gap_m for other in bodies) and not any(
+                if all(_apart(body, other) >= gap_m for other in (*bodies, *others)) and not any(
                     _touches(body, tray, gap_m) for tray in bins
                 ):
                     bodies.append(body)
