@@ -275,8 +275,9 @@ def test_any_scattered_object_can_be_gripped_and_lifted(robot, seed):
     height = max(min(body.height_m / 2, 0.035), 0.02)
     grip = above(robot, height, (body.x, body.y), near=[0.0, 1.5, -1.5])
     pitch = grip[1] + grip[2]
-    back = -0.06 * np.cos(pitch) * np.array([np.cos(grip[0]), np.sin(grip[0])])
-    before = above(robot, height - 0.06 * np.sin(pitch), (body.x, body.y) + back, near=grip)
+    away = -0.06 * np.cos(pitch)
+    back = (body.x + away * np.cos(grip[0]), body.y + away * np.sin(grip[0]))
+    before = above(robot, height - 0.06 * np.sin(pitch), back, near=grip)
     high = above(robot, height + 0.06, (0.95 * body.x, 0.95 * body.y), near=grip)
     plant.reset(at(before))
     start = plant.body_pose(body.name)[2, 3]
@@ -285,7 +286,7 @@ def test_any_scattered_object_can_be_gripped_and_lifted(robot, seed):
     drive(plant, MpcController(robot), grip, 0.7)
     loaded = MpcController(robot.with_payload(body.mass))
     ramp(plant, loaded, grip, high, 0.6)
-    drive(plant, loaded, high, 0.6)
+    drive(plant, loaded, high, 2.5)  # what the table bore at first has to be unlearnt
     assert plant.body_pose(body.name)[2, 3] > start + 0.05
     np.testing.assert_allclose(plant.state.q, high, atol=2e-3)
 
