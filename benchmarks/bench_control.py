@@ -16,8 +16,8 @@ import numpy as np
 
 from arm3dof import MpcController, MpcSettings, load_robot
 from arm3dof.control.observer import Observer
-from arm3dof.control.program import ProgramSolver
 from arm3dof.control.qp import ProxqpWorkspace
+from arm3dof.control.solver import ProgramSolver
 from arm3dof.model.robot import Robot
 from benchmarks.arms import problem_of
 from benchmarks.contestants import BareProxqp, Contestant, Ours, PeerContestant

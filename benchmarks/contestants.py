@@ -10,7 +10,7 @@ import numpy as np
 from proxsuite import proxqp
 
 from arm3dof import MpcController, MpcSettings
-from arm3dof.control.program import Optimum
+from arm3dof.control.optimum import Optimum
 from arm3dof.control.qp import QuadraticProgram
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array

@@ -61,14 +61,15 @@ class Formulation(Protocol):
         """Move what is kept between steps one stage ahead."""
 
     def build(
-        self, state: JointState, reference: Reference, plan: Array, disturbance: Array
+        self, state: JointState, reference: Reference, plan: Array | None, disturbance: Array
     ) -> Program:
         """Return the program of one step.
 
         Args:
             state: state at stage 0.
             reference: what to follow at stages 0..N; one row for a constant target.
-            plan: accelerations of the last plan, shifted to now, shape (N, nv) [rad/s^2].
+            plan: accelerations of the last plan, shifted to now, shape (N, nv) [rad/s^2]; ``None``
+                if there is none.
             disturbance: estimated torque that acts beside ours, shape (nv,) [N m].
         """
 

@@ -10,11 +10,13 @@ import numpy as np
 from arm3dof.control.fallback import Answer, Fallback, Plan
 from arm3dof.control.formulation import Formulation
 from arm3dof.control.observer import Observer
+from arm3dof.control.optimum import Optimum
 from arm3dof.control.paper import PaperFormulation
-from arm3dof.control.program import Bounds, Optimum, ProgramSolver
+from arm3dof.control.program import Bounds
 from arm3dof.control.qp import QpStatus
 from arm3dof.control.reference import Reference, Target, sample_target
 from arm3dof.control.settings import MpcSettings
+from arm3dof.control.solver import ProgramSolver
 from arm3dof.control.step import ControlStatus, ControlStep, TorqueSource
 from arm3dof.control.torque import TorqueFormulation
 from arm3dof.control.tracking import TrackingFormulation
@@ -194,19 +196,22 @@ class MpcController:
             held = np.clip(self.robot.gravity(state.q), -tau_max, tau_max)
             bounds = bounds.with_rate(self._most_change, held if self._tau is None else self._tau)
         u = self._fallback.shifted(horizon)
-        rounds = 1 if u is not None else formulation.linearisations
+        rounds = 1
         if u is None:
-            u = np.zeros((horizon, self.robot.nv))
-        plan, optimum = Plan(u, u, u), None
+            rounds = formulation.linearisations
+            self._solver.reset()
+        rest = np.zeros((horizon, self.robot.nv))
+        plan, optimum = Plan(rest, rest, rest), None
         for _ in range(rounds):
             try:
-                program = formulation.build(state, reference, plan.u, self.observer.disturbance)
+                program = formulation.build(state, reference, u, self.observer.disturbance)
             except np.linalg.LinAlgError:
                 return None, plan
             optimum = self._solver.solve(program, bounds)
             if optimum.status is not QpStatus.SOLVED:
                 break
             plan = self._plan(state, optimum)
+            u = plan.u
         return optimum, plan
 
     def _plan(self, state: JointState, optimum: Optimum) -> Plan:

@@ -20,7 +20,7 @@ from arm3dof.control.prediction import (
     error_dynamics,
     quadratic_cost,
 )
-from arm3dof.control.program import Program
+from arm3dof.control.program import LinearProgram, Program
 from arm3dof.control.reference import Reference
 from arm3dof.control.settings import MpcSettings
 from arm3dof.model.robot import Robot
@@ -62,7 +62,7 @@ class PaperFormulation:
         return quadratic_cost(prediction, self.weights.Q, self.weights.R, self.weights.P)
 
     def build(
-        self, state: JointState, reference: Reference, plan: Array, disturbance: Array
+        self, state: JointState, reference: Reference, plan: Array | None, disturbance: Array
     ) -> Program:
         """Return the program of one step; see ``Formulation.build``. The plan is not used."""
         robot, horizon, nv = self._robot, self._settings.horizon, self._robot.nv
@@ -79,7 +79,7 @@ class PaperFormulation:
         free = (prediction.C @ x).reshape(horizon + 1, 2, nv)[1:].swapaxes(0, 1)
         gain = robot.mass_matrix(state.q) + self._damping_inertia
         offset = robot.gravity(state.q) + robot.damping * state.v - disturbance
-        return Program(
+        return LinearProgram(
             hessian=hessian,
             hessian_inverse=inverse,
             w_free=-solve_hessian(hessian, inverse, gradient),

@@ -23,7 +23,7 @@ from arm3dof.control.formulation import (
     invert_hessian,
     solve_hessian,
 )
-from arm3dof.control.program import Program
+from arm3dof.control.program import LinearProgram, Program
 from arm3dof.control.reference import Reference
 from arm3dof.control.settings import MpcSettings
 from arm3dof.model.robot import Robot
@@ -52,10 +52,12 @@ class TorqueFormulation:
         """Do nothing: each step is linearised anew."""
 
     def build(
-        self, state: JointState, reference: Reference, plan: Array, disturbance: Array
+        self, state: JointState, reference: Reference, plan: Array | None, disturbance: Array
     ) -> Program:
         """Return the program of one step; see ``Formulation.build``."""
-        horizon, nv = plan.shape
+        horizon, nv = self._blocks.size, state.q.size
+        if plan is None:
+            plan = np.zeros((horizon, nv))
         states = self._roll_out(state, plan)
         torque, by_state, by_torque = self._linearise(states, plan)
         unit = self._robot.mass_matrix(state.q)
@@ -74,7 +76,7 @@ class TorqueFormulation:
         half += costly.T @ acceleration.reshape(-1, n)
         gradient = 2 * (weighed.reshape(-1, n).T @ deviation.ravel() + costly.T @ plan.ravel())
         hessian, inverse = invert_hessian(half + half.T, _WORST_CONDITION)
-        return Program(
+        return LinearProgram(
             hessian=hessian,
             hessian_inverse=inverse,
             w_free=-solve_hessian(hessian, inverse, gradient),

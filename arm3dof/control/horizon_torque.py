@@ -1,0 +1,63 @@
+"""The torque that a motion takes at every stage of the horizon, and how it changes with the motion.
+
+A stage holds its acceleration u for one sample. Its torque is evaluated in the middle of the
+sample, where position, velocity and u belong together:
+
+    tau = M(q) u + C(q, v) v + g(q) + D v_damped,
+
+with v_damped the velocity where damping acts on average (``damping_share``).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from arm3dof.control.formulation import damping_share
+from arm3dof.control.motion import Motion
+from arm3dof.model.robot import Robot
+from arm3dof.state import Array
+
+
+class HorizonTorque:
+    """Inverse dynamics of all stages in one call, and their derivatives stage by stage."""
+
+    def __init__(self, robot: Robot, dt: float) -> None:
+        """Create the evaluator of a robot.
+
+        Args:
+            robot: the robot; after its masses have changed, call ``refresh``.
+            dt: length of a sample [s].
+        """
+        self._model, self._data = robot.model, robot.model.createData()
+        # damping counts from the middle of the sample: D (v + (share - 1/2) dt u)
+        self._damping = robot.damping
+        self._damping_inertia = robot.damping * (damping_share(robot, dt) - 0.5) * dt
+        self._damping_slopes = np.stack([np.diag(self._damping), np.diag(self._damping_inertia)])
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Take over the robot's masses as they are now."""
+        self._pool = pin.ModelPool(self._model, 1)
+
+    def evaluate(self, motion: Motion, out: Array) -> None:
+        """Write the torques of all stages into ``out``, shape (N, nv) [N m]."""
+        _, _, q, v, u = motion
+        pin.rneaInParallel(1, self._pool, q.T, v.T, u.T, out.T)  # one call; on this one thread
+        out += self._damping * v
+        out += self._damping_inertia * u
+
+    def slopes(self, q: Array, v: Array, u: Array) -> Array:
+        """Return d tau / d [q, v, u] at some stages, shape (k, nv, 3, nv).
+
+        Args:
+            q: positions in the middle of their samples, shape (k, nv) [rad].
+            v: velocities there, shape (k, nv) [rad/s].
+            u: accelerations, shape (k, nv) [rad/s^2].
+        """
+        slopes = np.empty((len(q), 3, q.shape[1], q.shape[1]))
+        model, data = self._model, self._data
+        for slope, *at in zip(slopes, q, v, u, strict=True):
+            slope[0], slope[1], slope[2] = pin.computeRNEADerivatives(model, data, *at)
+        slopes[:, 1:] += self._damping_slopes
+        return slopes.swapaxes(1, 2)
