@@ -156,8 +156,8 @@ def test_the_presets_see_the_table_in_front_of_the_arm():
             "targets.red.width_m is 0; give a number above 0",
         ),
         (
-            HEAD + POSE + TARGET + "shape = 'cube'",
-            "shape is 'cube'; give 'flat', 'ball' or 'cylinder'",
+            HEAD + POSE + TARGET + "shape = 'cone'",
+            "shape is 'cone'; give 'flat', 'ball', 'cylinder', 'cube' or 'bottle'",
         ),
         (HEAD + POSE + TARGET + "width_sigma_m = -1", "width_sigma_m is -1; give 0 or more"),
         (

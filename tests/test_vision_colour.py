@@ -184,7 +184,7 @@ def test_bounds_that_are_none_are_refused(low, high, message):
         ({"name": ""}, "no name"),
         ({"width_m": 0.0}, "metres above 0"),
         ({"width_m": float("nan")}, "metres above 0"),
-        ({"shape": "cube"}, "one of: flat, ball, cylinder"),
+        ({"shape": "cone"}, "one of: flat, ball, cylinder, cube, bottle"),
         ({"width_sigma_m": -1.0}, "0 or more"),
     ],
 )

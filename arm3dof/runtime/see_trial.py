@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,12 @@ from arm3dof.runtime.table_scenes import Placed, TableScene, random_scene
 from arm3dof.sim.scene import draw
 from arm3dof.vision.locate import Located, View, look
 
-RENDERERS = ("drawn", "physics")
+KINDS = {
+    "drawn": ("ball", "cylinder", "cube", "card"),
+    "physics": ("cylinder", "cube", "bottle"),
+}
+"""What each renderer can show."""
+_GAMMAS = {"drawn": 2.2, "physics": 1.5}  # that their edges look most like
 NEAR = 0.03
 """What is located further than this from every object of its colour is a false object [m]."""
 TOLERANCE = 0.008
@@ -37,8 +42,8 @@ class SeeTrial:
     renderer: str = "drawn"
 
     def __post_init__(self) -> None:
-        if self.renderer not in RENDERERS:
-            raise InputError(f"no renderer '{self.renderer}'; give one of: {', '.join(RENDERERS)}")
+        if self.renderer not in KINDS:
+            raise InputError(f"no renderer '{self.renderer}'; give one of: {', '.join(KINDS)}")
 
     def __call__(self, rng: np.random.Generator) -> Outcome:
         """Set a table, take its picture, look at it and judge."""
@@ -48,11 +53,16 @@ class SeeTrial:
 
     def scene(self, rng: np.random.Generator) -> TableScene:
         """Set a table of what the renderer can show."""
-        return random_scene(rng)
+        table = random_scene(rng, KINDS[self.renderer])
+        return replace(table, camera=replace(table.camera, gamma=_GAMMAS[self.renderer]))
 
     def picture(self, table: TableScene, rng: np.random.Generator) -> NDArray[np.uint8]:
         """Take the table's picture, BGR, shape (h, w, 3)."""
         camera = table.camera
+        if self.renderer == "physics":
+            from arm3dof.runtime.physics_picture import photograph  # MuJoCo is an extra
+
+            return photograph(table, rng)
         return draw(
             table.scene,
             camera.camera_matrix,

@@ -26,13 +26,19 @@ NEAREST, FARTHEST = 0.15, 0.6
 
 # name: hue of the paint, as a share of the circle, and the range that the eye is told
 COLOURS = {
-    "red": (0.0, HsvRange((173, 120, 25), (6, 255, 255))),
-    "yellow": (0.14, HsvRange((20, 110, 40), (33, 255, 255))),
+    "red": (0.0, HsvRange((173, 120, 20), (6, 255, 255))),
+    "yellow": (0.14, HsvRange((20, 110, 20), (33, 255, 255))),
     "green": (0.36, HsvRange((45, 90, 20), (85, 255, 255))),
     "blue": (0.62, HsvRange((98, 100, 20), (128, 255, 255))),
     "purple": (0.79, HsvRange((132, 80, 20), (160, 255, 255))),
 }
-SHAPES: dict[str, Shape] = {"ball": "ball", "cylinder": "cylinder", "card": "flat"}
+SHAPES: dict[str, Shape] = {
+    "ball": "ball",
+    "cylinder": "cylinder",
+    "card": "flat",
+    "cube": "cube",
+    "bottle": "bottle",
+}
 _DULL = ((0.9, 0.9, 0.88), (0.5, 0.5, 0.5), (0.12, 0.12, 0.13), (0.45, 0.32, 0.22))
 _KNOWN = 3  # colours that the eye looks for in each picture
 
@@ -73,7 +79,7 @@ class TableScene:
 
 def random_scene(
     rng: np.random.Generator,
-    kinds: Sequence[str] = ("ball", "cylinder", "card"),
+    kinds: Sequence[str] = ("ball", "cylinder", "cube", "card"),
     most: int = 3,
 ) -> TableScene:
     """Set a table.
@@ -119,7 +125,8 @@ def _camera(rng: np.random.Generator, *, level: bool) -> Camera:
     forward = np.array([math.cos(azimuth) * flat, math.sin(azimuth) * flat, -math.sin(pitch)])
     eye = rng.uniform([-0.2, -0.3, 0.1], [0.3, 0.3, 0.3])
     matrix = intrinsics(focal, focal, 319.5 + rng.uniform(-8, 8), 239.5 + rng.uniform(-8, 8))
-    return Camera(WIDTH, HEIGHT, matrix, np.zeros(0), look_at(eye, eye + forward))
+    pose = look_at(eye, eye + forward)
+    return Camera(WIDTH, HEIGHT, matrix, np.zeros(0), pose)
 
 
 def _light(rng: np.random.Generator) -> tuple[Light, float]:
@@ -197,7 +204,7 @@ def _solid(
     match kind:
         case "ball":
             return Ball(at, width / 2, colour)
-        case "cylinder":
+        case "cylinder" | "bottle":
             return Cylinder(at, width / 2, tall, colour)
         case _:
             return Box(at, (width, width, tall), float(rng.uniform(0, math.pi / 2)), colour)

@@ -23,6 +23,7 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _SHORT = {
     Refusal.BORDER: "cut off by the border",
     Refusal.THIN: "too thin",
+    Refusal.AFLOAT: "not on the table",
     Refusal.PARTIAL: "partly hidden",
 }
 

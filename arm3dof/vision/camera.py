@@ -6,7 +6,8 @@ frame is the optical one: x right, y down, z forward, so that depth is z.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -20,6 +21,31 @@ _DISTORTION_LENGTHS = (4, 5, 8, 12, 14)
 _ROTATION_TOLERANCE = 1e-3
 
 
+@dataclass(frozen=True)
+class Doubt:
+    """Standard deviations of a camera's numbers; 0 takes a number for exact.
+
+    Attributes:
+        focal_px: of the focal lengths [px].
+        centre_px: of the principal point, along each axis [px].
+        position_m: of where it stands, along each axis [m].
+        rotation_rad: of where it looks, about each axis [rad].
+
+    Raises:
+        InputError: one is negative or not finite.
+    """
+
+    focal_px: float = 0.0
+    centre_px: float = 0.0
+    position_m: float = 0.0
+    rotation_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (math.isfinite(value) and value >= 0):
+                raise InputError(f"the camera's doubt {name} is {value}; give 0 or more")
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A calibrated camera that stands still in the base frame.
@@ -30,6 +56,9 @@ class Camera:
         camera_matrix: intrinsics ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]``, shape (3, 3) [px].
         distortion: OpenCV's coefficients, shape (n,) with n = 4, 5, 8, 12 or 14; empty for none.
         transform_base_camera: takes points of the optical frame to the base frame, shape (4, 4).
+        gamma: how it encodes light, code = light^(1 / gamma); ``None`` when not known, and then
+            edges are less certain.
+        doubt: how well its numbers are known.
 
     Raises:
         InputError: a size, a matrix or the transform cannot belong to a camera.
@@ -40,6 +69,8 @@ class Camera:
     camera_matrix: Array
     distortion: Array
     transform_base_camera: Array
+    gamma: float | None = None
+    doubt: Doubt = field(default_factory=Doubt)
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1:
@@ -55,6 +86,8 @@ class Camera:
             )
         if not np.isfinite(distortion).all():
             raise InputError(f"distortion is {distortion.tolist()}; give finite numbers")
+        if self.gamma is not None and not 0.2 <= self.gamma <= 5:
+            raise InputError(f"gamma is {self.gamma}; give 0.2 to 5, for most cameras 2.2")
         object.__setattr__(self, "camera_matrix", matrix)
         object.__setattr__(self, "distortion", distortion)
         object.__setattr__(self, "transform_base_camera", rigid(self.transform_base_camera))

@@ -20,7 +20,7 @@ from arm3dof.errors import InputError
 Image = NDArray[np.uint8]
 Planes = Sequence[Image]
 """Hue, saturation and value of a picture, each of shape (h, w)."""
-Shape = Literal["flat", "ball", "cylinder"]
+Shape = Literal["flat", "ball", "cylinder", "cube", "bottle"]
 
 # half the width of a streak, as a share of the square root of a patch's area
 _STREAK = 0.035
@@ -102,10 +102,11 @@ class ColourTarget:
     Attributes:
         name: what the object is called.
         hsv: the colours that belong to it.
-        width_m: its width across the line of sight: of a ball or an upright cylinder the
-            diameter [m].
-        shape: ``"flat"`` measures as the paper does, for a face parallel to the picture;
-            ``"ball"`` and ``"cylinder"`` (upright) account for how a pinhole sees round things.
+        width_m: its width across the line of sight: of a ball, cylinder or bottle the diameter, of
+            a cube the edge [m].
+        shape: ``"flat"`` measures as the paper does, for a face parallel to the picture; a
+            ``"ball"``, and an upright ``"cylinder"``, ``"cube"`` or ``"bottle"``, is placed by
+            its silhouette.
         width_sigma_m: standard deviation of ``width_m`` [m].
 
     Raises:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm3dof.errors import InputError
 from arm3dof.state import Array, frozen_array
+from arm3dof.vision.budget import Cause, Table, Verdict, causes, judge, stand
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import (
     Blob,
@@ -24,10 +26,11 @@ from arm3dof.vision.colour import (
     find_colours,
 )
 from arm3dof.vision.outline import extent, trace
-from arm3dof.vision.placing import LEAST_PX, Refusal, place_ball, place_cylinder, place_flat
+from arm3dof.vision.placing import LEAST_PX, Refusal, place
 
 # what light and shade do to an edge beyond the noise that shows in it [px]
-_EDGE_SIGMA_PX = 0.18
+_EDGE_SIGMA_PX = 0.11
+_KNOWN_EDGE_SIGMA_PX = 0.065  # where the camera's gamma is known
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ class Located:
         p_camera: centre in the optical frame, shape (3,) [m].
         p_base: centre in the base frame, shape (3,) [m].
         covariance_base: covariance of ``p_base``, shape (3, 3) [m^2].
+        budget: what that is made of, by cause, shape (3, 3) each [m^2].
     """
 
     target: str
@@ -68,17 +72,31 @@ class Located:
     p_camera: Array
     p_base: Array
     covariance_base: Array
+    budget: Mapping[Cause, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("p_camera", "p_base"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), 3, name=name))
         covariance = frozen_array(self.covariance_base, 3, 3, name="covariance_base")
         object.__setattr__(self, "covariance_base", covariance)
+        parts = {it: frozen_array(c, 3, 3, name=it.name) for it, c in self.budget.items()}
+        object.__setattr__(self, "budget", MappingProxyType(parts))
 
     @property
     def sigma_m(self) -> float:
         """Standard deviation of the point in its least certain direction [m]."""
         return math.sqrt(max(float(np.linalg.eigvalsh(self.covariance_base)[-1]), 0.0))
+
+    def judge(self, limit_m: float) -> Verdict:
+        """Decide whether the point is certain enough to act on, and say what would help.
+
+        Args:
+            limit_m: the most that ``sigma_m`` may be [m].
+
+        Raises:
+            InputError: the limit is not above 0.
+        """
+        return judge(self.budget or {Cause.EDGE: self.covariance_base}, limit_m)
 
 
 @dataclass(frozen=True)
@@ -197,6 +215,8 @@ def look(
     camera: Camera,
     targets: Iterable[ColourTarget] | Mapping[str, ColourTarget],
     settings: BlobSettings | None = None,
+    *,
+    table: Table | None = None,
 ) -> View:
     """Find and measure every object of the targets' colours.
 
@@ -205,6 +225,8 @@ def look(
         camera: the camera that took it.
         targets: what to look for.
         settings: how pixels become blobs.
+        table: what solids stand on, which makes their places more certain, and refuses what does
+            not stand there; without it they may be anywhere.
 
     Returns:
         What was located and what was refused, each with the largest patches first.
@@ -223,7 +245,7 @@ def look(
     blobs = find_colours(picture, [target.hsv for target in wanted], settings)
     found = [(blob, it) for it, mine in zip(wanted, blobs, strict=True) for blob in mine]
     found.sort(key=lambda pair: -pair[0].area_px)
-    results = [locate(picture, camera, blob, target) for blob, target in found]
+    results = [locate(picture, camera, blob, target, table) for blob, target in found]
     return View(
         tuple(result for result in results if isinstance(result, Located)),
         tuple(result for result in results if isinstance(result, Refused)),
@@ -235,12 +257,16 @@ def see(
     camera: Camera,
     targets: Iterable[ColourTarget] | Mapping[str, ColourTarget],
     settings: BlobSettings | None = None,
+    *,
+    table: Table | None = None,
 ) -> tuple[Located, ...]:
     """Return the objects that ``look`` locates, the largest first."""
-    return look(image, camera, targets, settings).located
+    return look(image, camera, targets, settings, table=table).located
 
 
-def locate(image: Image, camera: Camera, blob: Blob, target: ColourTarget) -> Located | Refused:
+def locate(
+    image: Image, camera: Camera, blob: Blob, target: ColourTarget, table: Table | None = None
+) -> Located | Refused:
     """Measure one blob.
 
     Args:
@@ -248,33 +274,32 @@ def locate(image: Image, camera: Camera, blob: Blob, target: ColourTarget) -> Lo
         camera: the camera that took it.
         blob: a patch of the target's colour in it.
         target: what the patch is taken for.
+        table: what it stands on, if it does.
 
     Returns:
         Where its centre is, or why that cannot be said.
     """
     if blob.touches_border:
         return Refused(target.name, blob.box_px, Refusal.BORDER)
-    points = trace(image, blob)
+    points = trace(image, blob, camera.gamma)
     if points is None:
         return Refused(target.name, blob.box_px, Refusal.THIN)
-    rays = camera.rays(points)
-    pixel = 1 / camera.focal_px[0]
-    match target.shape:
-        case "flat":
-            found = place_flat(rays, target.width_m, pixel)
-        case "ball":
-            found = place_ball(rays, target.width_m, pixel)
-        case "cylinder":
-            found = place_cylinder(rays, target.width_m, pixel, camera.up)
+    found = place(
+        camera.rays(points),
+        target.shape,
+        target.width_m,
+        1 / camera.focal_px[0],
+        camera.up,
+        _EDGE_SIGMA_PX if camera.gamma is None else _KNOWN_EDGE_SIGMA_PX,
+    )
     if isinstance(found, Refusal):
         return Refused(target.name, blob.box_px, found)
-    p_camera, width = found
-    edge = math.hypot(width.sigma, _EDGE_SIGMA_PX * pixel)
-    relative = math.hypot(math.sqrt(2) * edge / width.size, target.width_sigma_m / target.width_m)
-    depth = float(p_camera[2])
-    ray = p_camera / depth
-    aside = depth * edge / math.sqrt(2)
-    covariance = (depth * relative) ** 2 * np.outer(ray, ray) + np.diag([aside**2, aside**2, 0.0])
+    budget = causes(found, camera, target.width_sigma_m / target.width_m)
+    stood = stand(found, budget, camera, table)
+    if stood is None:
+        return Refused(target.name, blob.box_px, Refusal.AFLOAT)
+    p_camera = stood.p_camera
+    covariance = np.sum(list(stood.budget.values()), axis=0)
     rotation = camera.transform_base_camera[:3, :3]
     left, top = points.min(axis=0)
     right, bottom = points.max(axis=0)
@@ -282,11 +307,12 @@ def locate(image: Image, camera: Camera, blob: Blob, target: ColourTarget) -> Lo
         target=target.name,
         box_px=blob.box_px,
         outline_px=(float(left), float(top), float(right), float(bottom)),
-        depth_m=depth,
-        depth_sigma_m=depth * relative,
+        depth_m=float(p_camera[2]),
+        depth_sigma_m=math.sqrt(float(covariance[2, 2])),
         p_camera=p_camera,
         p_base=camera.to_base(p_camera),
         covariance_base=rotation @ covariance @ rotation.T,
+        budget={it: rotation @ part @ rotation.T for it, part in stood.budget.items()},
     )
 
 

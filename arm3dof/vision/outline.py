@@ -8,6 +8,7 @@ pixel on the edge is a mixture of the two, and the outline runs where the mixtur
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -35,7 +36,7 @@ _THROW_PX = 1.5
 _BUMP_PX = 1.25
 # A lens mixes light, which cameras encode with a gamma of 2.2; renderers often mix the codes, with
 # a gamma of 1. Halfway, either is wrong by a quarter of a pixel at most.
-_LIGHT = (np.linspace(0.0, 1.0, 256) ** 1.5).astype(np.float32)
+_HALFWAY = 1.5
 
 Bits = NDArray[np.bool_]
 Floats = NDArray[np.float32]
@@ -59,12 +60,13 @@ class Extent(NamedTuple):
         return self.high - self.low
 
 
-def trace(image: Image, blob: Blob) -> Array | None:
+def trace(image: Image, blob: Blob, gamma: float | None = None) -> Array | None:
     """Find the outline of a blob to a fraction of a pixel.
 
     Args:
         image: BGR picture, shape (h, w, 3).
         blob: a patch that was found in it.
+        gamma: how the camera encodes light; halfway between the usual ones when not known.
 
     Returns:
         Points (u, v) on the outline, shape (n, 2) [px], in no particular order; None where the
@@ -76,7 +78,7 @@ def trace(image: Image, blob: Blob) -> Array | None:
     right = min(u + w + pad, image.shape[1])
     bottom = min(v + h + pad, image.shape[0])
     body = fill(blob.contour, (left, top, right - left, bottom - top))
-    cover = _coverage(image[top:bottom, left:right], body)
+    cover = _coverage(_light(gamma or _HALFWAY)[image[top:bottom, left:right]], body)
     if cover is None:
         return None
     points = _crossings(cover, _largest_filled(cover >= 0.5))
@@ -99,7 +101,13 @@ def extent(across: Array, along: Array, pixel: float) -> Extent:
     return Extent(low, -high, float(np.hypot(noise_low, noise_high) / np.sqrt(2)))
 
 
-def _coverage(image: Image, body: Image) -> Array | None:
+@lru_cache(maxsize=8)
+def _light(gamma: float) -> Floats:
+    """Return the light, 0 to 1, that each code of a camera stands for, shape (256,)."""
+    return np.asarray(np.linspace(0.0, 1.0, 256) ** gamma, dtype=np.float32)
+
+
+def _coverage(pixels: Floats, body: Image) -> Array | None:
     """Estimate how much of each pixel the object covers, shape (h, w), 0 to 1.
 
     A pixel's light is taken for a f + b g, with the colours f of the object and g of what lies
@@ -110,7 +118,6 @@ def _coverage(image: Image, body: Image) -> Array | None:
     outer = cv2.dilate(body, _disc(_OUTSIDE)) == 0
     if not core.any():
         return None
-    pixels = _LIGHT[image]
     f, known_f = _spread(pixels, core)
     g, known_g = _spread(pixels, outer)
     quiet = cv2.GaussianBlur(pixels, (3, 3), 0)

@@ -1,26 +1,42 @@
 """Where a thing of known width is, from the lines of sight to its outline.
 
-Each function takes lines of sight ``rays``, points (x, y, 1) of the optical frame, shape (n, 3);
-the thing's true width ``width_m`` [m]; and the size of a ``pixel`` in them, 1 / focal length.
-``up`` is the base frame's z axis in the optical frame, shape (3,). Each returns the thing's centre,
-shape (3,) [m], with the extent that its distance was measured on, or why it cannot be placed.
+Lines of sight ``rays`` are points (x, y, 1) of the optical frame, shape (n, 3), a ``pixel`` is
+their distance for one, 1 / focal length, and ``up`` is the base frame's z axis in the optical
+frame, shape (3,). A flat face is measured as the paper does, by its width; a solid is moved until
+its silhouette is the measured outline.
 """
 
 from __future__ import annotations
 
 import enum
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from arm3dof.state import Array
-from arm3dof.vision.outline import Extent, extent
+from arm3dof.vision import silhouette
+from arm3dof.vision.colour import Shape
+from arm3dof.vision.outline import extent
+from arm3dof.vision.silhouette import Fit, Solid
 
 LEAST_PX = 3.0
 """What is narrower cannot be measured [px]."""
 
-# a ball's width and height may give depths that differ by this share
-_ROUNDNESS = 0.12
+# points of an outline further than this from the silhouette are another thing's [px], [width]
+_STRAY_PX, _STRAY_SHARE = 1.2, 0.03
+_MOST_STRAY = 0.08
+# neighbouring points of an outline err alike: so many are worth one
+_ALIKE = 6.0
+_LEAST_NOISE_PX = 0.05
+# a width rests on two edges alone, where an outline has many
+_FLAT = 2.2
+# what is flatter than this share of its width is the top of a thing whose sides are not seen
+_LEAST_HEIGHT = 0.1
+_TURNS = 6  # of a cube that are tried
+
+
+_TALL = ("cylinder", "bottle")  # shapes whose last state is their height
 
 
 class Refusal(enum.Enum):
@@ -28,63 +44,136 @@ class Refusal(enum.Enum):
 
     BORDER = "it touches the edge of the picture, so its width is not seen whole"
     THIN = "it is too thin to measure"
-    PARTIAL = "it is not as high as it is wide, as if something hid a part of the ball"
+    AFLOAT = "its foot is not on the table, as if something hid it or it were something else"
+    PARTIAL = "its outline is not that of the whole thing, as if something hid a part of it"
 
 
-def place_flat(rays: Array, width_m: float, pixel: float) -> tuple[Array, Extent] | Refusal:
+class Placement(NamedTuple):
+    """Where a thing is, and how far that may be off by what light and noise do to its outline.
+
+    Attributes:
+        p_camera: its centre, shape (3,) [m].
+        foot: height of its lowest point above the lens [m]; None when that is not seen.
+        covariance: of ``p_camera`` and ``foot``, shape (4, 4) [m^2].
+    """
+
+    p_camera: Array
+    foot: float | None
+    covariance: Array
+
+
+def place(
+    rays: Array, shape: Shape, width_m: float, pixel: float, up: Array, edge_px: float
+) -> Placement | Refusal:
+    """Place a thing.
+
+    Args:
+        rays: lines of sight to its outline, shape (n, 3).
+        shape: what it is.
+        width_m: its true width [m].
+        pixel: the size of a pixel in ``rays``.
+        up: the vertical, shape (3,).
+        edge_px: standard deviation of what light does to all of an edge [px].
+    """
+    if np.ptp(rays[:, :2], axis=0).min() < LEAST_PX * pixel:
+        return Refusal.THIN
+    if shape == "flat":
+        return _place_flat(rays, width_m, pixel, up, edge_px)
+    solid, starts = _solid(rays, shape, width_m, up)
+    points = rays[:, :2]
+    best = min(
+        (silhouette.fit(solid, start, points, pixel) for start in starts),
+        key=lambda it: it.loss(),
+    )
+    width = math.sqrt(float(np.prod(np.ptp(points, axis=0)))) / pixel
+    off = np.abs(best.off_px)
+    stray = np.mean(off > max(_STRAY_PX, _STRAY_SHARE * width))
+    sound = np.isfinite(best.state).all() and best.state[2] > 0 and stray <= _MOST_STRAY
+    if not sound or (
+        len(best.state) > 3 and shape in _TALL and best.state[3] < _LEAST_HEIGHT * width_m
+    ):
+        return Refusal.PARTIAL
+    slope, offset = _foot(shape, best, width_m, up)
+    both = np.vstack([np.eye(3, len(best.state)), slope])
+    foot = None if offset is None else float(slope @ best.state) + offset
+    return Placement(best.state[:3], foot, both @ _covariance(best, edge_px) @ both.T)
+
+
+def _place_flat(rays: Array, width_m: float, pixel: float, up: Array, edge_px: float) -> Placement:
     """Place a face that is parallel to the picture: (2) with W' / (P / F) written in rays."""
     across = extent(rays[:, 0], rays[:, 1], pixel)
     down = extent(rays[:, 1], rays[:, 0], pixel)
-    if across.size < LEAST_PX * pixel:
-        return Refusal.THIN
-    return np.array([across.middle, down.middle, 1.0]) * (width_m / across.size), across
+    ray = np.array([across.middle, down.middle, 1.0])
+    depth = width_m / across.size
+    edge = math.hypot(across.sigma, _FLAT * edge_px * pixel)
+    relative = math.sqrt(2) * edge / across.size
+    aside = depth * edge / math.sqrt(2)
+    covariance = (depth * relative) ** 2 * np.outer(ray, ray) + np.diag([aside**2, aside**2, 0.0])
+    both = np.vstack([np.eye(3), up])
+    return Placement(ray * depth, None, both @ covariance @ both.T)
 
 
-def place_ball(rays: Array, width_m: float, pixel: float) -> tuple[Array, Extent] | Refusal:
-    """Place a ball by the four planes through the lens that touch it, or refuse half a ball.
+def _solid(rays: Array, shape: Shape, width_m: float, up: Array) -> tuple[Solid, list[Array]]:
+    """Return a solid, and states from which to look for its best one."""
+    points = rays[:, :2]
+    begin = rays.mean(axis=0) * width_m / float(np.sqrt(np.prod(np.ptp(points, axis=0))))
+    if shape == "ball":
+        solid = silhouette.ball(width_m / 2)
+        return solid, [silhouette.moved(solid, begin, points)]
+    if shape == "cube":
+        solid = silhouette.cube(width_m, up)
+        turns = np.arange(_TURNS) * math.pi / 2 / _TURNS
+        starts = [silhouette.moved(solid, np.array([*begin, turn]), points) for turn in turns]
+        starts.sort(key=lambda it: silhouette.compare(solid, it, points, 1.0).loss(0.01))
+        return solid, starts[:2]
+    if _from_above(rays, up):
+        # its top is a disc that faces the camera, and its sides tell nothing
+        solid = silhouette.disc(width_m / 2, up)
+        return solid, [silhouette.moved(solid, begin, points)]
+    make = silhouette.bottle if shape == "bottle" else silhouette.cylinder
+    solid = make(width_m / 2, up)
+    height = width_m * _slimness(points, up)
+    return solid, [silhouette.moved(solid, np.array([*begin, height]), points)]
 
-    Seen along the picture's y axis the ball is a circle of radius W / 2. Lines of sight to its
-    left and right edges touch that circle; half the angle between them is alpha, and
-    sin(alpha) = (W / 2) / rho gives the distance rho to its centre. Likewise along the x axis.
-    """
-    across = extent(np.arctan(rays[:, 0]), rays[:, 1], pixel)
-    down = extent(np.arctan(rays[:, 1]), rays[:, 0], pixel)
-    if min(across.size, down.size) < LEAST_PX * pixel:
-        return Refusal.THIN
-    depth = width_m / 2 / math.sin(across.size / 2) * math.cos(across.middle)
-    again = width_m / 2 / math.sin(down.size / 2) * math.cos(down.middle)
-    if abs(math.log(again / depth)) > _ROUNDNESS:
-        return Refusal.PARTIAL
-    return depth * np.array([math.tan(across.middle), math.tan(down.middle), 1.0]), across
+
+def _slimness(points: Array, up: Array) -> float:
+    """Return how high an outline is for its width, between 0.5 and 4."""
+    upward = up[:2] / max(float(np.hypot(*up[:2])), 1e-9)
+    high, wide = np.ptp(points @ upward), np.ptp(points @ [upward[1], -upward[0]])
+    return float(np.clip(high / wide, 0.5, 4.0))
 
 
-def place_cylinder(
-    rays: Array, width_m: float, pixel: float, up: Array
-) -> tuple[Array, Extent] | Refusal:
-    """Place an upright cylinder by the two upright planes that touch it, and by its rims."""
+def _from_above(rays: Array, up: Array) -> bool:
+    """Whether the lens looks so steeply down that an upright thing shows its top alone."""
     sight = rays.mean(axis=0)
-    sight /= np.linalg.norm(sight)
+    sight = sight / np.linalg.norm(sight)
     slant = math.acos(min(abs(float(up @ sight)), 1.0))
-    spread = math.acos(float((rays @ sight / np.linalg.norm(rays, axis=1)).min()))
-    if slant < 1.2 * spread:
-        # from above, its top is a disc that faces the camera, and its sides tell nothing
-        return place_flat(rays, width_m, pixel)
-    ahead = sight - up * float(up @ sight)
-    ahead /= np.linalg.norm(ahead)
-    aside = np.cross(ahead, up)
-    level = np.hypot(rays @ ahead, rays @ aside)
-    bearing = np.arctan2(rays @ aside, rays @ ahead)
-    elevation = np.arctan2(rays @ up, level)
-    unit = pixel / float(level.mean())
-    across = extent(bearing, elevation, unit)
-    along = extent(elevation, bearing, unit)
-    if across.size < LEAST_PX * unit:
-        return Refusal.THIN
-    radius = width_m / 2
-    rho = radius / math.sin(across.size / 2)
-    # of a rim below the lens the near side looks lowest and the far side highest
-    low = math.tan(along.low) * (rho - math.copysign(radius, -along.low))
-    high = math.tan(along.high) * (rho - math.copysign(radius, along.high))
-    direction = ahead * math.cos(across.middle) + aside * math.sin(across.middle)
-    p_camera: Array = rho * direction + up * (low + high) / 2
-    return p_camera, across
+    spread = math.acos(min(float((rays @ sight / np.linalg.norm(rays, axis=1)).min()), 1.0))
+    return slant < 1.2 * spread
+
+
+def _covariance(found: Fit, edge_px: float) -> Array:
+    """Return the covariance of a fit, shape (m, m).
+
+    Noise throws each part of the outline where it likes. Light and shade move all of it outwards,
+    or one side out and the other in.
+    """
+    gain = found.gain()
+    noise = max(float(np.median(np.abs(found.off_px))) / 0.6745, _LEAST_NOISE_PX)
+    light = gain @ np.column_stack([np.ones(len(found.normals)), found.normals])
+    covariance: Array = noise**2 * _ALIKE * gain @ gain.T + edge_px**2 * light @ light.T
+    return covariance
+
+
+def _foot(shape: Shape, found: Fit, width_m: float, up: Array) -> tuple[Array, float | None]:
+    """Return how the height of the lowest point hangs on the state: its slope and its offset.
+
+    The offset is None where only the top was seen.
+    """
+    slope = np.concatenate([up, np.zeros(len(found.state) - 3)])
+    if shape not in _TALL:
+        return slope, -width_m / 2
+    if len(slope) == 3:
+        return slope, None
+    slope[3] = -0.5
+    return slope, 0.0
