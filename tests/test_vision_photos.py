@@ -1,21 +1,13 @@
 """The eye on real photographs; the boxes were drawn by hand."""
 
-from importlib.util import find_spec
-from pathlib import Path
-
 import numpy as np
 import pytest
+from photos import overlap, photo
 
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import ColourTarget, HsvRange, find_blobs
 from arm3dof.vision.locate import look
 from arm3dof.vision.placing import Refusal
-from arm3dof.vision.sources import read_image
-
-
-def photo(package, *path):
-    spec = find_spec(package)
-    return read_image(Path(spec.origin).parent.joinpath(*path))
 
 
 @pytest.fixture(scope="module")
@@ -38,14 +30,6 @@ SAUCER_RED, DAHLIA_ORANGE = (
     HsvRange((0, 190, 60), (8, 255, 255)),
     HsvRange((2, 90, 120), (20, 255, 255)),
 )
-
-
-def overlap(first, second):
-    """Intersection over union of two boxes."""
-    corner = np.maximum(first[:2], second[:2])
-    far = np.minimum(np.add(first[:2], first[2:]), np.add(second[:2], second[2:]))
-    shared = np.prod(np.maximum(far - corner, 0))
-    return shared / (np.prod(first[2:]) + np.prod(second[2:]) - shared)
 
 
 @pytest.mark.parametrize(
@@ -95,3 +79,21 @@ def test_the_same_object_in_smaller_and_larger_pictures(flower, scale):
     image = cv2.resize(flower, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     box = find_blobs(image, DAHLIA_ORANGE)[0].box_px
     assert overlap(np.array(box) / scale, DAHLIA) >= 0.95
+
+
+MOTORCYCLE = HsvRange((170, 150, 60), (5, 255, 255))
+RETINA = HsvRange((0, 60, 90), (20, 255, 255))
+
+
+@pytest.mark.parametrize(
+    ("name", "colour", "box", "least"),
+    [
+        # the tank and side of a red motorcycle in a garage
+        ("motorcycle_left.png", MOTORCYCLE, (170, 173, 315, 110), 0.75),
+        # the back of an eye, which fills a picture of 1411 x 1411 from edge to edge
+        ("retina.jpg", RETINA, (8, 2, 1396, 1400), 0.95),
+    ],
+)
+def test_more_photographs(name, colour, box, least):
+    image = photo("skimage", "data", name)
+    assert overlap(find_blobs(image, colour)[0].box_px, box) >= least
