@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from arm3dof.sim.pinocchio_plant import PinocchioPlant
     from arm3dof.sim.plant import Plant
     from arm3dof.state import JointState
+    from arm3dof.ui.notebook import show
 
 __version__ = "0.1.0"
 
@@ -74,6 +75,7 @@ __all__ = [
     "list_robots",
     "load_robot",
     "run_loop",
+    "show",
     "summarise",
 ]
 
@@ -103,6 +105,7 @@ _HOME = {
     "arm3dof.sim.pinocchio_plant": ("PinocchioPlant",),
     "arm3dof.sim.plant": ("Plant",),
     "arm3dof.state": ("JointState",),
+    "arm3dof.ui.notebook": ("show",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

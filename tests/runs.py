@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm3dof.control.step import ControlStatus, TorqueSource
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.recording import Recording
+from arm3dof.sim.world import Bin, Body, World
 
 TARGET = np.deg2rad([28.1, 67.8, 53.8])
 CONTROL_ROWS = 25
@@ -61,3 +64,22 @@ def smooth_run(
         robot=robot.description,
         notes={},
     )
+
+
+def carried_run(robot: Robot, duration: float = 1.0) -> Recording:
+    """A run in which the gripper closes while a cylinder rises by 0.1 m, past a cube and a bin."""
+    made = smooth_run(robot, duration=duration)
+    share = (made.t / made.t[-1])[:, None]
+    table = World().table.height
+    foot = np.array([0.16, -0.04, table + 0.0225])
+    cylinder = np.hstack([foot + share * (0, 0, 0.1), np.tile([0, 0, 0, 1.0], (len(made), 1))])
+    cube = np.tile([0.1, 0.12, table + 0.015, 0, 0, 0, 1.0], (len(made), 1))
+    world = World(
+        bodies=(
+            Body("cylinder", "cylinder", 0.03, 0.045, 0.02, (0.1, 0.6, 0.2), *foot[:2].tolist()),
+            Body("cube", "cube", 0.03, 0.03, 0.02, (0.8, 0.1, 0.1), 0.1, 0.12),
+        ),
+        bins=(Bin("green", 0.05, -0.16, (0.04, 0.03), (0.1, 0.6, 0.2)),),
+    )
+    bodies = {"cylinder": cylinder, "cube": cube}
+    return replace(made, gripper=0.05 - 0.02 * share[:, 0], world=world, bodies=bodies)

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mcap.reader import make_reader
-from runs import smooth_run
+from runs import carried_run, smooth_run
 
 from arm3dof.control.step import ControlStatus, TorqueSource
 from arm3dof.errors import InputError, MissingExtra
@@ -186,6 +186,28 @@ def test_meshes_become_triangles(tmp_path: Path) -> None:
         for part in entity["triangles"]:
             assert max(part["indices"]) < len(part["points"])
             assert len(part["indices"]) % 3 == 0
+
+
+def test_gripper_and_objects_move(robot: Robot, tmp_path: Path) -> None:
+    run = carried_run(robot)
+    found: dict[str, list[tuple[float, dict]]] = {}
+    with write_mcap(run, tmp_path / "run.mcap").open("rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            assert_fits(json.loads(schema.data), data := json.loads(message.data))
+            found.setdefault(channel.topic, []).append((message.log_time / 1e9, data))
+    assert [data["opening"] for _, data in found["/gripper"]] == run.gripper.tolist()
+    ((_, scene),) = found["/scene"]
+    frames = {each["id"]: each["frame_id"] for each in scene["entities"]}
+    assert frames["things/cylinder"] == "things/cylinder"
+    assert frames["bins/green"] == "world"
+    fingers = []
+    for t, data in found["/tf"]:
+        places = {each["child_frame_id"]: each["translation"] for each in data["transforms"]}
+        row = int(np.searchsorted(run.t, t - 1e-9))
+        assert places["things/cylinder"]["z"] == run.bodies["cylinder"][row, 2]
+        ends = [[places[f"{side}_finger"][k] for k in "xyz"] for side in ("left", "right")]
+        fingers.append(np.linalg.norm(np.subtract(*ends)))
+    assert fingers[0] - fingers[-1] == pytest.approx(0.02, abs=1e-3)
 
 
 def test_what_cannot_be_written_is_named(

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from runs import smooth_run
+from runs import carried_run, smooth_run
 
 from arm3dof.model.library import load_robot
 from arm3dof.runtime.recording import Recording
@@ -148,7 +148,7 @@ def test_the_arm_in_the_picture_is_where_pinocchio_says(run: Recording) -> None:
     for t in (0.0, 0.2, 0.8):
         q = np.array([np.interp(t, run.t, column) for column in run.q.T])
         canvas = Canvas(empty, painter._view)
-        shape = drawing.facets()
+        shape = facets(drawing.pieces())
         canvas.paint(shape, shape.placed(drawing.placements(q)))
         arm = (canvas.picture != empty).any(axis=2)
         for link in ("link2", "link3"):
@@ -174,3 +174,15 @@ def test_the_first_and_last_pose_are_written(run: Recording, tmp_path: Path) -> 
     pictures = [cv2.imread(str(path)) for path in (start, end)]
     assert [picture.shape for picture in pictures] == [(720, 1280, 3)] * 2
     assert (pictures[0] != pictures[1]).any(axis=2).mean() > 0.02
+
+
+def test_objects_are_drawn_where_they_are() -> None:
+    run = carried_run(load_robot())
+    painter = RunPainter(run, (640, 360))
+    rows = []
+    for t in (0.0, 0.99):
+        picture = painter.at(t).astype(int)
+        green = (picture[..., 1] > 1.6 * picture[..., 2]) & (picture[..., 1] > 60)
+        green[:, :210] = False  # the bin, which rests
+        rows.append(np.nonzero(green)[0].mean())
+    assert rows[0] - rows[1] > 20  # it rises

@@ -24,7 +24,13 @@ from arm3dof.runtime.metrics import Metrics, summarise
 from arm3dof.runtime.recording import Recording
 from arm3dof.state import Array
 from arm3dof.ui import mcap_schemas as schemas
-from arm3dof.ui.mcap_scene import path_entity, robot_entities, target_entity
+from arm3dof.ui.mcap_scene import (
+    path_entity,
+    robot_entities,
+    target_entity,
+    thing_frame,
+    world_entities,
+)
 from arm3dof.ui.meshcat_scene import PATH_END, TARGET, RobotDrawing
 from arm3dof.ui.replay import at_times, frame_times, is_turning, sample_rows, verdict
 from arm3dof.ui.report_data import picture_kind, status_level, status_sentence
@@ -110,6 +116,7 @@ def _messages(r: Recording, robot: Robot, picture: bytes | None) -> Iterator[_Me
         yield _Message(_Channel("/camera/image", schemas.COMPRESSED_IMAGE), start, image)
     yield from _transforms(r, drawing)
     yield from _joints(r, robot)
+    yield from _gripper(r)
     yield from _statuses(r)
 
 
@@ -117,28 +124,36 @@ def _entities(r: Recording, robot: Robot, drawing: RobotDrawing) -> list[dict[st
     path = np.array([robot.placement(q).translation for q in sample_rows(r.q, 400)])
     _, radius = drawing.enclosing_ball(sample_rows(r.q, 40))
     goal = robot.placement(r.q_target).translation
+    around = [] if r.world is None else world_entities(r.world, WORLD)
     return [
         *robot_entities(drawing.visuals),
+        *around,
         target_entity(WORLD, goal, 0.03 * radius, TARGET),
         path_entity(WORLD, path, PATH_END),
     ]
 
 
 def _transforms(r: Recording, drawing: RobotDrawing) -> Iterator[_Message]:
-    """Return the pose of every link, at the rate of the replay."""
+    """Return the pose of every link and object, at the rate of the replay."""
     channel = _Channel("/tf", schemas.FRAME_TRANSFORMS)
     times, _ = frame_times(r)
-    for t, q in zip(times, at_times(r, r.q, times), strict=True):
+    rows = np.searchsorted(r.t, times).clip(0, len(r) - 1)
+    for t, row, q in zip(times, rows, at_times(r, r.q, times), strict=True):
+        opening = None if r.gripper is None else float(r.gripper[row])
+        links = zip(drawing.link_names, drawing.placements(q, opening), strict=True)
         transforms = [
-            _transform(float(t), link, pose)
-            for link, pose in zip(drawing.link_names, drawing.placements(q), strict=True)
+            _transform(float(t), link, pin.SE3ToXYZQUAT(pin.SE3(place)))
+            for link, place in links
             if link != WORLD
+        ]
+        transforms += [
+            _transform(float(t), thing_frame(name), poses[row]) for name, poses in r.bodies.items()
         ]
         yield _Message(channel, float(t), {"transforms": transforms})
 
 
-def _transform(t: float, link: str, transform: Array) -> dict[str, object]:
-    x, y, z, *turn = pin.SE3ToXYZQUAT(pin.SE3(transform))
+def _transform(t: float, link: str, place: Array) -> dict[str, object]:
+    x, y, z, *turn = place
     return {
         "timestamp": _stamp(t),
         "parent_frame_id": WORLD,
@@ -166,6 +181,15 @@ def _joints(r: Recording, robot: Robot) -> Iterator[_Message]:
             finite = (value if np.isfinite(value) else None for value in row)
             named = dict(zip(r.joint_names, finite, strict=True))
             yield _Message(channel, t, {"timestamp": _stamp(t), **named})
+
+
+def _gripper(r: Recording) -> Iterator[_Message]:
+    """Return the gripper's opening in every row, where it moved."""
+    if r.gripper is None:
+        return
+    channel = _Channel("/gripper", schemas.GRIPPER)
+    for t, opening in zip(r.t.tolist(), r.gripper.tolist(), strict=True):
+        yield _Message(channel, t, {"timestamp": _stamp(t), "opening": opening})
 
 
 def _statuses(r: Recording) -> Iterator[_Message]:

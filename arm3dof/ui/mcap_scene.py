@@ -9,9 +9,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from arm3dof.sim.world import World
 from arm3dof.state import Array
 from arm3dof.ui.facets import polygons
 from arm3dof.ui.mcap_schemas import color, quaternion, vector
+from arm3dof.ui.shapes import Shape
+from arm3dof.ui.things import bin_parts, body_parts
 from arm3dof.ui.visuals import Visual
 
 Entity = dict[str, Any]
@@ -31,9 +34,33 @@ def robot_entities(visuals: Iterable[Visual]) -> list[Entity]:
     entities: dict[str, Entity] = {}
     for each in visuals:
         entity = entities.setdefault(each.link, _entity(each.link, f"robot/{each.link}"))
-        kind, primitive = _primitive(each)
-        entity[kind].append(primitive)
+        _add(entity, each.shape, each.placement, each.color)
     return list(entities.values())
+
+
+def world_entities(world: World, frame: str) -> list[Entity]:
+    """Return objects, each in a frame of its own (``thing_frame``), and bins.
+
+    Args:
+        world: what stands around the arm.
+        frame: the base frame.
+    """
+    entities = []
+    for body in world.bodies:
+        entities.append(_entity(thing_frame(body.name), f"things/{body.name}"))
+        for part in body_parts(body):
+            _add(entities[-1], part.shape, _at(part.middle), body.colour)
+    for tray in world.bins:
+        entities.append(_entity(frame, f"bins/{tray.name}"))
+        foot = np.array([tray.x, tray.y, world.table.height])
+        for part in bin_parts(tray):
+            _add(entities[-1], part.shape, _at(foot + part.middle), tray.colour)
+    return entities
+
+
+def thing_frame(name: str) -> str:
+    """Return the frame of an object's middle."""
+    return f"things/{name}"
 
 
 def target_entity(frame: str, point: ArrayLike, radius: float, tone: Sequence[float]) -> Entity:
@@ -45,9 +72,7 @@ def target_entity(frame: str, point: ArrayLike, radius: float, tone: Sequence[fl
         radius: [m].
         tone: its colour.
     """
-    place = np.eye(4)
-    place[:3, 3] = point
-    ball = {"pose": pose(place), "size": vector([2 * radius] * 3), "color": color(tone)}
+    ball = {"pose": pose(_at(point)), "size": vector([2 * radius] * 3), "color": color(tone)}
     return _entity(frame, "target") | {"spheres": [ball]}
 
 
@@ -85,26 +110,32 @@ def _entity(frame: str, name: str) -> Entity:
     }
 
 
-def _primitive(visual: Visual) -> tuple[str, dict[str, Any]]:
-    place = visual.placement @ np.reshape(visual.shape.matrix, (4, 4)).T
-    data: Any = visual.shape.data
-    look = {"color": color(visual.color)}
+def _at(point: ArrayLike) -> Array:
+    place = np.eye(4)
+    place[:3, 3] = point
+    return place
+
+
+def _add(entity: Entity, shape: Shape, placement: Array, tone: Sequence[float]) -> None:
+    place = placement @ np.reshape(shape.matrix, (4, 4)).T
+    data: Any = shape.data
+    look = {"color": color(tone)}
     match data["type"]:
         case "BoxGeometry":
             size = (data["width"], data["height"], data["depth"])
-            return "cubes", look | {"pose": pose(place), "size": vector(size)}
+            entity["cubes"].append({"pose": pose(place), "size": vector(size)} | look)
         case "SphereGeometry":
             size = (2 * data["radius"],) * 3
-            return "spheres", look | {"pose": pose(place), "size": vector(size)}
+            entity["spheres"].append({"pose": pose(place), "size": vector(size)} | look)
         case "CylinderGeometry":  # about y in three.js, about z in Foxglove
             top, bottom = data["radiusTop"], data["radiusBottom"]
             widest = max(top, bottom)
             size = (2 * widest, 2 * widest, data["height"])
             scales = {"bottom_scale": bottom / widest, "top_scale": top / widest}
             upright = {"pose": pose(place @ _Y_TO_Z.T), "size": vector(size)}
-            return "cylinders", look | upright | scales
+            entity["cylinders"].append(upright | scales | look)
         case _:
-            points, faces = polygons(visual.shape)
+            points, faces = polygons(shape)
             corners = [index for face in faces for index in face]
             listed = {"points": [vector(point) for point in points], "indices": corners}
-            return "triangles", look | {"pose": pose(place)} | listed
+            entity["triangles"].append({"pose": pose(place)} | listed | look)

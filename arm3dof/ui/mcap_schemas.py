@@ -113,6 +113,13 @@ STATUS = _object(
 )
 
 
+GRIPPER = _object(
+    "arm3dof.Gripper",
+    timestamp=_TIME,
+    opening={"type": "number", "description": "between the fingers [m]"},
+)
+
+
 def joint_values(what: str, units: Mapping[str, str]) -> Schema:
     """Return the schema of one number a joint.
 

@@ -18,7 +18,7 @@ from arm3dof.runtime.metrics import summarise
 from arm3dof.runtime.recording import Recording
 from arm3dof.state import Array, frozen_array
 from arm3dof.ui import shapes
-from arm3dof.ui.facets import Facets, Piece, facets
+from arm3dof.ui.facets import Piece
 from arm3dof.ui.meshcat_window import Command, MeshcatWindow
 from arm3dof.ui.replay import caption_command, no_replay, replay_command, sample_rows
 from arm3dof.ui.stage import stage_commands, view_command
@@ -125,13 +125,13 @@ class RobotDrawing:
         center = (points.min(axis=0) + points.max(axis=0)) / 2
         return center, float(np.linalg.norm(points - center, axis=1).max())
 
-    def facets(self) -> Facets:
-        """Return every shape as flat faces; the owners are the links, in order."""
+    def pieces(self) -> list[Piece]:
+        """Return every shape for drawing without a page; the owners are the links, in order."""
         numbers = {name: number for number, name in enumerate(self.link_names)}
-        return facets(
+        return [
             Piece(numbers[each.link], each.shape, each.placement, self._color or each.color)
             for each in self.visuals
-        )
+        ]
 
     def floor(self) -> float:
         """Return the height of the lowest point that never moves [m]; 0 when there is none."""

@@ -19,10 +19,11 @@ from arm3dof.runtime.recording import Recording
 from arm3dof.state import Array
 from arm3dof.ui import stage
 from arm3dof.ui.facets import Facets, Piece, facets
-from arm3dof.ui.meshcat_scene import PATH_END, TARGET, RobotDrawing
+from arm3dof.ui.meshcat_scene import PATH_END, TARGET
 from arm3dof.ui.painter import Canvas, Picture, View
 from arm3dof.ui.replay import at_times, is_turning, sample_rows, verdict
 from arm3dof.ui.report_data import status_segments
+from arm3dof.ui.run_stage import RunStage
 from arm3dof.ui.shapes import sphere
 from arm3dof.ui.style import COLORS, INK, SOFT
 
@@ -30,6 +31,8 @@ FPS = 25.0
 SIZE = (1280, 720)  # width, height [px]
 _FINE = 2  # pixels painted per pixel shown, along each side
 _LEVELS = ("#0072B2", "#B58900", "#D55E00", "#B3123F")  # of status_segments
+MAX_PATH = 4000  # points that the tool's path is known at
+PATH_TIME = 4.0  # s of the tool's path that are shown
 _HOLD = 1.0  # s for which the last frame stays
 
 
@@ -43,21 +46,21 @@ class RunPainter:
 
     def __init__(self, recording: Recording, size: tuple[int, int] = SIZE) -> None:
         self._run = recording
-        self._robot = recording.load_robot()
         self._size = size
-        self._drawing = RobotDrawing(self._robot)
-        self._shape = self._drawing.facets()
-        sample = sample_rows(recording.q, 400)
-        self._path = np.array([self._robot.placement(q).translation for q in sample])
-        self._path_times = sample_rows(recording.t[:, None], 400)[:, 0]
-        target = self._robot.placement(recording.q_target).translation
-        center, radius = self._drawing.enclosing_ball(np.vstack([sample[::10], recording.q_target]))
+        self._stage = RunStage(recording)
+        robot = recording.load_robot()
+        self._path_times = sample_rows(recording.t[:, None], MAX_PATH)[:, 0]
+        path = [robot.placement(q).translation for q in sample_rows(recording.q, MAX_PATH)]
+        self._path = np.array(path).reshape(-1, 3)
+        self._robot = robot
+        poses = np.vstack([sample_rows(recording.q, 40), recording.q_target])
+        center, radius = self._stage.drawing.enclosing_ball(poses)
+        target = robot.placement(recording.q_target).translation
         self._mark = _ball(target, 0.03 * radius)
         self._line_width = 0.006 * size[1] * _FINE
-        self._floor = self._drawing.floor()
         self._view = _view(center, radius, size)
-        self._empty = _backdrop(self._view, size, center, radius, self._floor)
-        self._overlay = _Overlay(recording, self._robot, size)
+        self._empty = _backdrop(self._view, size, center, radius, self._stage.floor)
+        self._overlay = _Overlay(recording, robot, size)
 
     def at(self, t: float) -> Picture:
         """Draw the run at a time.
@@ -69,19 +72,23 @@ class RunPainter:
             BGR picture, shape (height, width, 3), uint8.
         """
         r = self._run
-        now = np.array([r.t[0] + t])
-        q = at_times(r, r.q, now)[0]
-        points = self._shape.placed(self._drawing.placements(q))
+        now = float(r.t[0]) + t
+        q, points = self._stage.joints(now), self._stage.points(now)
         canvas = Canvas(self._empty, self._view)
-        canvas.cast_shadow(self._shape, points, self._floor)
-        canvas.paint(self._shape, points)
-        shape, place = self._mark
-        canvas.paint(shape, shape.placed(place))
-        done = self._path[self._path_times < now[0]]
-        path = np.vstack([done, self._robot.placement(q).translation])
-        canvas.line(path, PATH_END, self._line_width)
+        canvas.cast_shadow(self._stage.shape, points, self._stage.floor)
+        canvas.paint(self._stage.shape, points)
+        if r.world is None:  # else the target is one of many places on the way
+            shape, place = self._mark
+            canvas.paint(shape, shape.placed(place))
+        canvas.line(self._path_until(now, q), PATH_END, self._line_width)
         picture = cv2.resize(canvas.picture, self._size, interpolation=cv2.INTER_AREA)
-        return self._overlay.onto(picture, t, q, at_times(r, r.tau, now)[0])
+        return self._overlay.onto(picture, t, q, at_times(r, r.tau, np.array([now]))[0])
+
+    def _path_until(self, now: float, q: Array) -> Array:
+        """Return the tool's path of the last seconds."""
+        shown = (self._path_times < now) & (self._path_times > now - PATH_TIME)
+        tool = self._robot.placement(q).translation
+        return np.vstack([sample_rows(self._path[shown], 150), tool])
 
 
 def run_frames(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from arm3dof.sim.world import Bin, Body, World
+from arm3dof.sim.world import Bin, Body, Colour, World
 from arm3dof.state import Array
 from arm3dof.ui import shapes
 from arm3dof.ui.meshcat_window import Command
@@ -17,18 +18,28 @@ _BELLY = 0.7  # share of a bottle's height, below its neck
 _NECK = 0.4  # width of a bottle's neck, as a share of the belly's
 
 
+class Part(NamedTuple):
+    """One shape of an object or bin: its name, its geometry and where its middle is [m]."""
+
+    name: str
+    shape: shapes.Shape
+    middle: tuple[float, float, float]
+
+
 def draw_world(world: World) -> list[Command]:
     """Return the commands that draw a world's objects, standing where it says, and its bins."""
     commands = [shapes.delete("/things"), shapes.delete("/bins")]
     for body in world.bodies:
-        commands += _draw_body(body)
+        commands += _draw(thing_path(body.name), body_parts(body), body.colour)
         transform = pin.SE3(
             pin.utils.rotate("z", body.yaw),
             np.array([body.x, body.y, world.table.height + body.height_m / 2]),
         )
         commands.append(shapes.pose(thing_path(body.name), transform.homogeneous))
     for tray in world.bins:
-        commands += _draw_bin(tray, world.table.height)
+        path = f"/bins/{tray.name}"
+        commands += _draw(path, bin_parts(tray), tray.colour)
+        commands.append(shapes.move(path, (tray.x, tray.y, world.table.height)))
     return commands
 
 
@@ -49,32 +60,35 @@ def thing_path(name: str) -> str:
     return f"/things/{name}"
 
 
-def _draw_body(body: Body) -> Iterator[Command]:
-    path, look = thing_path(body.name), shapes.material(body.colour)
+def body_parts(body: Body) -> Iterator[Part]:
+    """Return the shapes of an object, in the frame of its middle."""
     radius, height = body.width_m / 2, body.height_m
     if body.shape == "cube":
-        yield shapes.draw(f"{path}/0", shapes.box((body.width_m, body.width_m, height)), look)
+        yield Part("0", shapes.box((body.width_m, body.width_m, height)), (0, 0, 0))
     elif body.shape == "cylinder":
-        yield shapes.draw(f"{path}/0", shapes.cylinder(radius, height), look)
+        yield Part("0", shapes.cylinder(radius, height), (0, 0, 0))
     else:
-        yield shapes.draw(f"{path}/0", shapes.cylinder(radius, _BELLY * height), look)
-        yield shapes.move(f"{path}/0", (0, 0, (_BELLY - 1) / 2 * height))
+        belly = shapes.cylinder(radius, _BELLY * height)
+        yield Part("0", belly, (0, 0, (_BELLY - 1) / 2 * height))
         neck = shapes.cylinder(_NECK * radius, (1 - _BELLY) * height)
-        yield shapes.draw(f"{path}/1", neck, look)
-        yield shapes.move(f"{path}/1", (0, 0, _BELLY / 2 * height))
+        yield Part("1", neck, (0, 0, _BELLY / 2 * height))
 
 
-def _draw_bin(tray: Bin, floor: float) -> Iterator[Command]:
-    path, look = f"/bins/{tray.name}", shapes.material(tray.colour)
+def bin_parts(tray: Bin) -> Iterator[Part]:
+    """Return the shapes of a bin, in a frame at the middle of its foot."""
     x, y = tray.half_size
-    yield shapes.draw(f"{path}/floor", shapes.box((2 * x, 2 * y, 0.0008)), look)
-    yield shapes.move(f"{path}/floor", (0, 0, 0.0004))
+    yield Part("floor", shapes.box((2 * x, 2 * y, 0.0008)), (0, 0, 0.0004))
     for number, side in enumerate((-1.0, 1.0)):
         for name, at, size in (
             ("x", (side * (x + _WALL / 2), 0.0), (_WALL, 2 * y + 2 * _WALL)),
             ("y", (0.0, side * (y + _WALL / 2)), (2 * x, _WALL)),
         ):
-            node = f"{path}/{name}{number}"
-            yield shapes.draw(node, shapes.box((*size, tray.wall_m)), look)
-            yield shapes.move(node, (*at, tray.wall_m / 2))
-    yield shapes.move(path, (tray.x, tray.y, floor))
+            wall = shapes.box((*size, tray.wall_m))
+            yield Part(f"{name}{number}", wall, (*at, tray.wall_m / 2))
+
+
+def _draw(path: str, parts: Iterable[Part], colour: Colour) -> Iterator[Command]:
+    look = shapes.material(colour)
+    for part in parts:
+        yield shapes.draw(f"{path}/{part.name}", part.shape, look)
+        yield shapes.move(f"{path}/{part.name}", part.middle)
