@@ -261,6 +261,19 @@ def test_simulate_with_the_papers_controller(ask, refused):
     assert "torque" in refused("simulate", "--formulation", "mine")
 
 
+def test_simulate_by_the_other_engine(ask, tmp_path):
+    words = ("--duration", "2", "--payload-kg", "0.05", "--push", "0.5,joint1,5")
+    settling = []
+    for plant in ("pinocchio", "mujoco"):
+        folder = tmp_path / plant
+        code, answer = ask("simulate", "--plant", plant, *words, "--out", folder)
+        assert (code, answer["settled"], answer["torque_violations"]) == (0, True, 0)
+        settling.append(answer["settling_time_s"])
+        notes = arm3dof.Recording.load(folder / "run.npz").notes
+        assert notes.get("plant") == {"mujoco": "mujoco"}.get(plant)
+    assert settling[0] == pytest.approx(settling[1], abs=0.1)
+
+
 def test_simulate_to_a_point(ask):
     code, answer = ask("simulate", "--target-m", "0.1,0.1,0.1", "--duration", "3")
     assert code == 0

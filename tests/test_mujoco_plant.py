@@ -75,6 +75,19 @@ def test_a_controller_settles_it_as_it_settles_pinocchios_plant(robot):
     np.testing.assert_allclose(finals[0], finals[1], atol=1e-4)
 
 
+def test_a_load_that_is_unknown_is_held_like_one_that_is_known(robot):
+    target = np.array([0.4, 0.9, -0.7])
+    for known in (True, False):
+        finals = []
+        for make in (MujocoPlant, PinocchioPlant):
+            plant = make(robot.with_payload(0.1))
+            plant.reset(at([0.0, 1.2, -1.0]))
+            controller = MpcController(robot.with_payload(0.1) if known else robot)
+            finals.append(run_loop(plant, controller, target, 2.5).q[-1])
+        np.testing.assert_allclose(finals[0], target, atol=2e-3)
+        np.testing.assert_allclose(finals[0], finals[1], atol=2e-3)
+
+
 def test_torques_are_held_to_their_limits(robot):
     plant = MujocoPlant(robot)
     np.testing.assert_array_equal(plant.applied_torque, 0.0)

@@ -33,6 +33,13 @@ def test_a_world_knows_its_table_and_a_bin_its_walls():
     assert not TRAY.holds(0.091, 0.2)
 
 
+def test_a_body_may_stand_in_a_bin():
+    inside = replace(CAN, x=0.06, y=0.21)
+    assert TRAY.contains(inside)
+    assert not TRAY.contains(CAN)
+    World(bodies=(inside,), bins=(TRAY,))
+
+
 def test_a_cubes_reach_is_half_its_diagonal():
     assert CAN.reach == pytest.approx(0.015)
     assert replace(CAN, shape="bottle").reach == pytest.approx(0.015)
@@ -65,6 +72,11 @@ def test_impossible_bodies_are_refused(change, message):
         (lambda: World(bodies=(CAN, replace(CAN, x=0.3))), "2 are called body 'can'"),
         (lambda: World(bins=(TRAY, TRAY)), "2 are called bin 'red'"),
         (lambda: World(bodies=(CAN, replace(CAN, name="b", x=0.2))), "'can' and 'b' stand in one"),
+        (lambda: World(bodies=(replace(CAN, x=2.0),)), r"at \(2.000, 0.020\) is beyond the table"),
+        (
+            lambda: World(bodies=(replace(CAN, x=0.09, y=0.2),), bins=(TRAY,)),
+            "stands in a wall of bin 'red'",
+        ),
         (lambda: replace(TRAY, half_size=(0.1, 0.0)), "bin 'red': half_size_y is 0.0"),
         (lambda: Region(radius=(0.2, 0.1)), "give a lower and a higher one"),
         (lambda: Region(radius=(-0.2, 0.1)), "give metres above 0"),

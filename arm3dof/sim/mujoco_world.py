@@ -9,12 +9,11 @@ from arm3dof.model.robot import Robot
 from arm3dof.sim.engine import mujoco
 from arm3dof.sim.mujoco_arm import FIRM, HARD, LOOSE, ROBOT, SEEN, STATIC, VISIBLE, add_arm
 from arm3dof.sim.mujoco_looks import MATTE, add_looks
-from arm3dof.sim.world import Bin, Body, World
+from arm3dof.sim.world import WALL, Bin, Body, World
 
 GRIPPER = "gripper servo"
 _GRIPPER_STIFFNESS = 4000.0  # N/m at the driven finger: 5 mm off is full force
 _GRIPPER_DAMPING = 14.0  # N s/m: with the guides' it keeps the fingers from overshooting
-_WALL = 0.003  # thickness of a bin's walls [m]
 
 
 def build_model(
@@ -107,8 +106,8 @@ def _add_bin(spec: mujoco.MjSpec, tray: Bin, world: World) -> None:
     high = tray.wall_m / 2
     for sign in (-1.0, 1.0):
         for pos, size in (
-            ((sign * (x + _WALL / 2), 0.0, high), (_WALL / 2, y + _WALL, high)),
-            ((0.0, sign * (y + _WALL / 2), high), (x, _WALL / 2, high)),
+            ((sign * (x + WALL / 2), 0.0, high), (WALL / 2, y + WALL, high)),
+            ((0.0, sign * (y + WALL / 2), high), (x, WALL / 2, high)),
         ):
             wall = base.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=pos, size=size, rgba=rgba)
             _still(wall, world)

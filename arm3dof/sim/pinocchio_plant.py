@@ -222,7 +222,7 @@ class PinocchioPlant:
         """Return the velocity after friction, stiff damping and stops, by coordinate descent."""
         h, nothing = self._dt, np.full(free.size, np.inf)
         mass = np.array(pin.crba(self._model, self._data, self._q))
-        dry = (h * self.robot.friction).tolist()
+        dry = (h * self._friction).tolist()
         inertia = (mass.diagonal() + h * self._implicit_damping).tolist()
         momentum = mass @ free
         np.fill_diagonal(mass, 0.0)  # what is left couples a joint to the others

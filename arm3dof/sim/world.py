@@ -44,6 +44,9 @@ MUTED: Mapping[str, Colour] = MappingProxyType(
 )
 """Colours of things that are in the way and that nobody looks for."""
 
+WALL = 0.003
+"""Thickness of a bin's walls [m]."""
+
 
 @dataclass(frozen=True)
 class Body:
@@ -122,6 +125,13 @@ class Bin:
         """Whether a point lies inside the walls."""
         return abs(x - self.x) <= self.half_size[0] and abs(y - self.y) <= self.half_size[1]
 
+    def contains(self, body: Body) -> bool:
+        """Whether a body that stands where it says stands clear of the walls inside."""
+        return (
+            abs(body.x - self.x) + body.reach <= self.half_size[0]
+            and abs(body.y - self.y) + body.reach <= self.half_size[1]
+        )
+
 
 @dataclass(frozen=True)
 class World:
@@ -137,8 +147,8 @@ class World:
         surface: of the table: ``wood`` with its grain, or ``plain`` grey.
 
     Raises:
-        InputError: two bodies or two bins share a name, bodies stand in one another, or a number
-            is outside its domain.
+        InputError: two bodies or two bins share a name, bodies stand in one another, in a bin's
+            wall or beyond the table's edge, or a number is outside its domain.
     """
 
     table: Table = field(default_factory=Table)
@@ -168,6 +178,18 @@ class World:
                         f"bodies '{first.name}' and '{second.name}' stand in one another at "
                         f"({first.x:.3f}, {first.y:.3f}) and ({second.x:.3f}, {second.y:.3f}); "
                         "put them further apart"
+                    )
+        self._check_places()
+
+    def _check_places(self) -> None:
+        for body in self.bodies:
+            what = f"body '{body.name}' at ({body.x:.3f}, {body.y:.3f})"
+            if not self.on_table(body.x, body.y):
+                raise InputError(f"{what} is beyond the table's edge; put it on the table")
+            for tray in self.bins:
+                if _touches(body, tray, 0.0) and not tray.contains(body):
+                    raise InputError(
+                        f"{what} stands in a wall of bin '{tray.name}'; put it inside or outside"
                     )
 
     def body(self, name: str) -> Body:
@@ -318,8 +340,9 @@ def scatter(
 
 
 def _touches(body: Body, tray: Bin, gap: float) -> bool:
-    dx = max(abs(body.x - tray.x) - tray.half_size[0], 0.0)
-    dy = max(abs(body.y - tray.y) - tray.half_size[1], 0.0)
+    """Whether a body comes nearer to a tray, walls included, than a gap."""
+    dx = max(abs(body.x - tray.x) - tray.half_size[0] - WALL, 0.0)
+    dy = max(abs(body.y - tray.y) - tray.half_size[1] - WALL, 0.0)
     return math.hypot(dx, dy) < body.reach + gap
 
 
