@@ -48,6 +48,22 @@ def studio(
         typer.Option("--out", metavar="DIR", help="The only folder that files are written to."),
     ] = Path("out/studio"),
     port: Port = None,
+    host: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Listen on this address, to be reached from other machines; needs --token.",
+        ),
+    ] = "127.0.0.1",
+    token: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SECRET",
+            help="What a browser has to know: it opens http://ADDRESS:PORT/?token=SECRET.",
+            envvar="ARM3DOF_TOKEN",
+            show_default=False,
+        ),
+    ] = None,
     browser: Browser = True,
     as_json: JsonFlag = False,
 ) -> int:
@@ -61,10 +77,11 @@ def studio(
         if error.name and error.name.partition(".")[0] in ("nicegui", "fastapi"):
             raise MissingExtra("the studio", "studio") from None
         raise
-    from arm3dof.ui.server import LocalServer
+    from arm3dof.ui.server import LocalServer, check_entry
     from arm3dof.ui.studio.start import home
     from arm3dof.ui.studio.studio import Studio
 
+    check_entry(host, token)
     arm = robot_from(robot, changes)
     eye = _eye(camera, camera_file)
     writable(folder)
@@ -78,7 +95,7 @@ def studio(
     overrides = read_overrides(changes)
     live = Studio(robot, arm, home(arm), eye, folder, _Targets(), overrides=overrides)
     try:
-        serve = partial(LocalServer, build_site(live))
+        serve = partial(LocalServer, build_site(live), host=host, token=token)
         serve_until_interrupted(serve, port, browser=browser, announce=announce)
     finally:
         live.close()

@@ -2,7 +2,7 @@
 
 ``LocalServer`` runs any ASGI application, so the 3-D page can be served alone or be mounted
 beside other pages. The socket listens on 127.0.0.1 only and ``LoopbackGuard`` stands before
-every route.
+every route; who wants it to listen elsewhere has to give a token, and ``TokenGuard`` stands there.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from arm3dof.errors import ArmError, InputError
 from arm3dof.ui.guard import LoopbackGuard
 from arm3dof.ui.meshcat_window import MeshcatWindow
+from arm3dof.ui.token import TokenGuard, check_token
 
 # A broken frame from a client is no news for the terminal; who configures logging still gets it.
 logging.getLogger("uvicorn").addHandler(logging.NullHandler())
@@ -73,7 +74,7 @@ class _Uvicorn(uvicorn.Server):
 
 
 class LocalServer:
-    """Serves an ASGI application on 127.0.0.1 while a ``with`` block runs.
+    """Serves an ASGI application, on 127.0.0.1 unless told otherwise, while a ``with`` block runs.
 
     The port is taken at construction, so ``url`` is known, and a taken port is reported, before
     anything is served. ``stop`` may be called at any time and twice; after it no thread, socket
@@ -83,18 +84,25 @@ class LocalServer:
         port: the port that it listens on.
 
     Args:
-        app: the application; wrapped in ``LoopbackGuard``.
+        app: the application; wrapped in ``LoopbackGuard``, or in ``TokenGuard`` with a token.
         port: the port to listen on; 0 takes any free one.
+        host: the address to listen on; one beyond this machine needs a token.
+        token: the secret that a browser has to know.
 
     Raises:
-        InputError: the port is not a port number, is taken or may not be used.
+        InputError: the port is not a port number, is taken or may not be used; the host is no
+            address of this machine; or a token is missing or too short.
     """
 
-    def __init__(self, app: ASGIApp, port: int = 0) -> None:
-        self._socket = _listen(port)
+    def __init__(
+        self, app: ASGIApp, port: int = 0, *, host: str = HOST, token: str | None = None
+    ) -> None:
+        check_entry(host, token)
+        self._host = host
+        self._socket = _listen(host, port)
         self.port: int = self._socket.getsockname()[1]
         config = uvicorn.Config(
-            LoopbackGuard(app, self.port),
+            _guard(app, self.port, token),
             loop="asyncio",
             http="h11",
             ws=_WebSocketProtocol,
@@ -114,7 +122,7 @@ class LocalServer:
     @property
     def url(self) -> str:
         """Address of the first page."""
-        return f"http://{HOST}:{self.port}/"
+        return f"http://{self._host}:{self.port}/"
 
     @property
     def is_running(self) -> bool:
@@ -186,17 +194,37 @@ def serve(window: MeshcatWindow, port: int = 0, mounts: Sequence[BaseRoute] = ()
     return server
 
 
-def _listen(port: int) -> socket.socket:
+def check_entry(host: str, token: str | None) -> None:
+    """Refuse to listen beyond this machine without a secret, and a secret that is none.
+
+    Raises:
+        InputError: a token is missing or too short.
+    """
+    if token is not None:
+        check_token(token)
+    elif host != HOST:
+        raise InputError(
+            f"host is {host}, which lets the network in; give a token, or leave it at {HOST}"
+        )
+
+
+def _guard(app: ASGIApp, port: int, token: str | None) -> ASGIApp:
+    return LoopbackGuard(app, port) if token is None else TokenGuard(app, port, token)
+
+
+def _listen(host: str, port: int) -> socket.socket:
     if not 0 <= port <= MAX_PORT:
         raise InputError(f"port is {port}; give a number from 0 (any free port) to {MAX_PORT}")
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     if os.name == "posix":  # elsewhere this option would let two servers share the port
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listener.bind((HOST, port))
+        listener.bind((host, port))
         listener.listen()
     except OSError as error:
         listener.close()
+        if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+            raise InputError(f"host is '{host}'; give an address of this machine") from None
         why = "taken" if error.errno == errno.EADDRINUSE else f"not usable ({error.strerror})"
         raise InputError(
             f"port {port} is {why}; stop what listens there, or give another port (0: any free one)"

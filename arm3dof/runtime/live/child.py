@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import os
 import signal
 import sys
 import threading
@@ -75,14 +76,18 @@ class Child:
         except OSError:
             raise ArmError(f"{self._name} has ended; start the program again") from None
 
+    def ask_to_end(self) -> None:
+        """Ask the process to end, without waiting for it."""
+        with contextlib.suppress(OSError), self._lock:
+            self._ours.send(None)
+
     def close(self, patience: float = 2.0) -> None:
         """Ask the process to end, and see to it; twice is as good as once.
 
         Args:
             patience: how long it may take [s].
         """
-        with contextlib.suppress(OSError), self._lock:
-            self._ours.send(None)
+        self.ask_to_end()
         self._process.join(patience)
         if self._process.is_alive():
             self._process.kill()
@@ -125,6 +130,7 @@ def offer(pipe: Connection, message: object) -> None:
 def _serve(function: Callable[..., None], arguments: Sequence[Any]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, and that the child
     function(*arguments)
+    os._exit(0)  # all has been said; to take an engine apart piece by piece would cost a second
 
 
 @contextlib.contextmanager

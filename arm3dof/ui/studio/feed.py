@@ -47,7 +47,7 @@ def numbers_message(
         "v": _round(rows["v"], 4),
         "u": _round(rows["u"], 3),
         "tau": _round(rows["tau"], 4),
-        "q": _round(last["q"], 5),
+        "q": last["q"].tolist(),  # exact, to be compared with what the 3-D view shows
         "q_target": _round(last["q_target"], 5),
         "tool": _round(last["tool"], 5),
         "gravity": _round(last["gravity"], 4),
@@ -84,9 +84,18 @@ def seen(located: Sequence[Located], robot: Robot) -> list[dict[str, object]]:
             "sigma": round(found.depth_sigma_m, 5),
             "reach": inverse_kinematics(robot, found.p_base).reachable,
             "colour": _css(found.target),
+            "pixel": [
+                found.box_px[0] + found.box_px[2] // 2,
+                found.box_px[1] + found.box_px[3] // 2,
+            ],
         }
         for found in located
     ]
+
+
+def _middle(box: tuple[int, int, int, int]) -> list[int]:
+    left, top, width, height = box
+    return [left + width // 2, top + height // 2]
 
 
 def _css(name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
@@ -22,6 +23,8 @@ POLICY = (
 )
 RECONNECT = 3.0
 """How long a tab that lost its connection may take to come back as the same tab [s]."""
+# what a client asks for in vain, or says wrongly, is no news for the terminal
+_LOUDEST = {"nicegui": logging.ERROR, "engineio": logging.CRITICAL, "socketio": logging.CRITICAL}
 _WEB = Path(__file__).parent / "web"
 
 
@@ -31,6 +34,8 @@ def build_site(studio: Studio) -> FastAPI:
     Args:
         studio: what stands behind the page.
     """
+    for name, level in _LOUDEST.items():
+        logging.getLogger(name).setLevel(level)
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     for route in studio.routes():
         app.router.routes.append(route)

@@ -248,6 +248,7 @@ class Studio:
     def close(self) -> None:
         """End everything: the arm brakes first."""
         self._stopping.set()
+        self.eye.ask_to_end()
         self._thread.join()
         self.arm.close()
         self.eye.close()

@@ -17,6 +17,7 @@ from arm3dof.ui.studio.fields import (
     CONTROL_FIELDS,
     CONTROLLER_NAMES,
     FORMULATIONS,
+    arm_values,
     control_values,
     part_fields,
     parts_of,
@@ -38,6 +39,9 @@ class Tune:
         self._tab, self._studio = tab, tab.studio
         self._shown: tuple[object, ...] = ()
         self._quiet = True
+        self._sliders: dict[str, ui.slider] = {}
+        self._wanted: tuple[dict[str, float], str] | None = None
+        self._building = False
         heading("Controller")
         with ui.element("div").classes("line"):
             self._controller = self._select(CONTROLLER_NAMES, "Controller", self._choose)
@@ -82,8 +86,12 @@ class Tune:
             made.set_value(values[key])
         self._declared.set_value(bool(control.mpc.get("delay")))
         self._servo.set_value(studio.servo)
-        self._part.set_value(self._part.value or next(iter(parts_of(studio.robot))))
-        self._show_part()
+        if self._part.value is None:
+            self._part.set_value(next(iter(parts_of(studio.robot))))
+            self._show_part()
+        values = arm_values(studio.robot)
+        for key, made in self._sliders.items():
+            made.set_value(values[key])
         self._list_changes()
         self._quiet = False
 
@@ -138,11 +146,14 @@ class Tune:
     def _show_part(self) -> None:
         self._parts.clear()
         with self._parts:
-            for field, value in part_fields(self._studio.robot, str(self._part.value)):
-                slider(field, value, partial(self._override, field))
+            self._sliders = {
+                field.key: slider(field, value, partial(self._override, field))
+                for field, value in part_fields(self._studio.robot, str(self._part.value))
+            }
 
     async def _override(self, field: Field, value: float) -> None:
-        await self._rebuild({**self._studio.overrides, field.key: value}, self._studio.servo)
+        overrides = self._wanted[0] if self._wanted else self._studio.overrides
+        await self._rebuild({**overrides, field.key: value}, self._studio.servo)
 
     async def _drive(self) -> None:
         await self._rebuild(self._studio.overrides, str(self._servo.value or ""))
@@ -151,11 +162,19 @@ class Tune:
         if not self._tab.attempt(lambda: None):
             self._shown = ()
             return
+        self._wanted = (overrides, servo)
+        if self._building:  # whoever builds will see to it
+            return
+        self._building = True
         try:
-            await run.io_bound(self._studio.rebuild, overrides, servo)
+            while self._wanted is not None:
+                wanted, self._wanted = self._wanted, None
+                await run.io_bound(self._studio.rebuild, *wanted)
         except ArmError as error:
             ui.notify(str(error), type="negative", multi_line=True, close_button="Close")
             self._shown = ()
+        finally:
+            self._building = False
 
     # ---- what changed --------------------------------------------------------------------------
 

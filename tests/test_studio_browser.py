@@ -1,0 +1,370 @@
+"""The studio in a real browser: what a person does there, and what then happens."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import chromium, poses, wait_until
+from playwright.sync_api import Browser, Page, expect
+from studio import Program, studio
+
+from arm3dof.config.camera_file import load_camera
+from arm3dof.model.library import load_robot
+from arm3dof.model.robot import Robot
+from arm3dof.runtime.recording import Recording
+
+pytestmark = pytest.mark.browser
+EXACT = 1e-9
+SCREENSHOTS = Path(__file__).parent.parent / "out" / "screenshots"
+LAST = "studio.live.last"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    with studio(tmp_path_factory.mktemp("studio")) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot()
+
+
+@contextmanager
+def visit(
+    browser: Browser, url: str, *, width: int = 1280, height: int = 720, scheme: str = "light"
+) -> Iterator[Page]:
+    """A page that is open, alive, and has had nothing to complain of at its end."""
+    page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
+    page.set_default_timeout(60_000)
+    complaints: list[str] = []
+    requests: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("console", lambda it: complaints.append(it.text) if it.type == "error" else None)
+    page.on("request", lambda request: requests.append(request.url))
+    page.on("websocket", lambda socket: requests.append(socket.url))
+    try:
+        page.goto(url, wait_until="domcontentloaded")
+        page.wait_for_function(f"window.studio && studio.live.pictures > 0 && {LAST}?.holder")
+        yield page
+    finally:
+        page.close()
+    assert complaints == []
+    ours = (url, url.replace("http", "ws"), "data:", "blob:")
+    assert all(it.startswith(ours) for it in requests), requests
+
+
+@pytest.fixture
+def page(browser: Browser, program: Program) -> Iterator[Page]:
+    with visit(browser, program.url) as opened:
+        opened.wait_for_function(f"{LAST}.holder === studioFacts.tab")
+        yield opened
+
+
+def snap(page: Page, name: str) -> None:
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    page.mouse.move(640, 8)
+    page.screenshot(path=SCREENSHOTS / f"studio-{name}.png")
+
+
+def panel(page: Page, name: str) -> None:
+    page.get_by_role("tab", name=name).click()
+
+
+def aim_at(page: Page, x: float, y: float, z: float) -> None:
+    """Type a point [cm] and aim there."""
+    panel(page, "Aim")
+    for axis, value in zip("xyz", (x, y, z), strict=True):
+        page.get_by_label(f"{axis} [cm]").fill(str(value))
+    page.get_by_role("button", name="Aim there").click()
+
+
+def focus_slider(page: Page, name: str) -> None:
+    """Bring the keyboard to a slider, whose name and handle are two elements."""
+    page.get_by_role("slider", name=name).locator("[tabindex]").focus()
+
+
+def rest(page: Page) -> None:
+    """Let the arm come back to a quiet start."""
+    page.keyboard.press("Escape")
+    page.wait_for_function(f"{LAST}.mode === 0")
+
+
+def run(page: Page) -> None:
+    page.get_by_role("button", name="Run").click()
+    page.wait_for_function(f"{LAST}.mode === 1")
+
+
+def canvas_click(page: Page, pixel: list[int]) -> None:
+    """Click where the picture shows a pixel."""
+    at = page.evaluate(
+        """([u, v]) => {
+          const canvas = document.getElementById("picture");
+          const box = canvas.getBoundingClientRect();
+          const scale = Math.min(box.width / canvas.width, box.height / canvas.height);
+          return [(box.width - scale * canvas.width) / 2 + scale * (u + 0.5),
+                  (box.height - scale * canvas.height) / 2 + scale * (v + 0.5)];
+        }""",
+        pixel,
+    )
+    page.locator("#picture").click(position={"x": at[0], "y": at[1]})
+
+
+# ---- see -------------------------------------------------------------------------------------
+
+
+def test_a_click_learns_a_colour_which_is_saved_and_loaded(page: Page, program: Program) -> None:
+    rest(page)
+    panel(page, "See")
+    page.wait_for_function(f"{LAST}.seen.some((it) => it.name === 'red')")
+    red = page.evaluate(f"{LAST}.seen.find((it) => it.name === 'red').pixel")
+    page.get_by_label("Name", exact=True).fill("mine")
+    page.get_by_role("button", name="Add").click()
+    page.get_by_role("button", name="mine", exact=True).wait_for()
+    canvas_click(page, red)
+    page.get_by_text("Learned the colour of 'mine'").wait_for()
+    page.wait_for_function(f"{LAST}.seen.some((it) => it.name === 'mine')")
+    page.get_by_role("switch", name="Show the mask").click()
+    page.locator("#mask").wait_for()
+    snap(page, "learn")
+    page.get_by_role("button", name="Save").click()
+    page.get_by_text("Wrote ").wait_for()
+    saved = load_camera(program.out / "camera.toml")
+    assert {"red", "green", "yellow", "mine"} <= set(saved.targets)
+    learned = saved.targets["mine"].hsv
+    assert learned.wraps or learned.low[0] < 15  # it is a red
+    page.get_by_role("button", name="Remove").click()
+    page.wait_for_function(f"!{LAST}.seen.some((it) => it.name === 'mine')")
+    page.get_by_role("button", name="Load").click()
+    page.wait_for_function(f"{LAST}.seen.some((it) => it.name === 'mine')")
+    page.get_by_role("button", name="mine", exact=True).click()
+    page.get_by_role("button", name="Remove").click()
+
+
+def test_the_light_dims_the_picture(page: Page) -> None:
+    panel(page, "See")
+    mean = """() => { const c = document.getElementById("picture");
+      const d = c.getContext("2d").getImageData(0, 0, 60, 60).data;
+      return d.reduce((sum, x) => sum + x, 0) / d.length; }"""
+    bright = page.evaluate(mean)
+    focus_slider(page, "Light")
+    for _ in range(10):
+        page.keyboard.press("ArrowLeft")
+    page.wait_for_function(f"({mean})() < {0.85 * bright}")
+    for _ in range(10):
+        page.keyboard.press("ArrowRight")
+    page.wait_for_function(f"({mean})() > {0.95 * bright}")
+
+
+# ---- aim and move ------------------------------------------------------------------------------
+
+
+def test_an_object_that_is_clicked_is_aimed_at(page: Page) -> None:
+    rest(page)
+    panel(page, "Aim")
+    green = page.evaluate(f"{LAST}.seen.find((it) => it.name === 'green').pixel")
+    canvas_click(page, green)
+    expect(page.locator(".answer")).to_contain_text("The target is reached in")
+    expect(page.locator(".branches button").first).to_contain_text("front")
+    assert page.locator(".branches button").count() == 4
+    page.get_by_role("switch", name="Show the reachable region").click()
+    frame = page.frame(url="**/3d/**")
+    wait_until(frame, "viewer.scene_tree.children.region")
+    snap(page, "aim")
+    page.get_by_role("switch", name="Show the reachable region").click()
+    aim_at(page, 60, 0, 0)
+    expect(page.locator(".answer")).to_contain_text("farther away than the arm reaches")
+
+
+def test_the_arm_arrives_and_the_page_shows_every_link_where_pinocchio_says(
+    page: Page, robot: Robot
+) -> None:
+    rest(page)
+    aim_at(page, 16, -4, 4)
+    expect(page.locator(".answer")).to_contain_text("The target is reached")
+    run(page)
+    page.wait_for_function(f"{LAST}.arrived && {LAST}.mode === 1")
+    expect(page.locator("#status")).to_contain_text("Arrived")
+    np.testing.assert_allclose(page.evaluate(f"{LAST}.tool"), [0.16, -0.04, 0.04], atol=2e-3)
+    rest(page)
+    page.wait_for_function(f"{LAST}.v.every((row) => row.every((v) => Math.abs(v) < 1e-4))")
+    frame = page.frame(url="**/3d/**")
+    links = ["base_link", "link1", "link2", "link3"]
+    shown = page.evaluate(f"{LAST}.q")
+    # the page's numbers and its 3-D view come by different ways: wait until they are of one moment
+    for _ in range(200):
+        shown = page.evaluate(f"{LAST}.q")
+        found = poses(frame, [f"/robot/{link}" for link in links])
+        expected = [robot.placement(shown, link).homogeneous for link in links]
+        if np.allclose([np.reshape(it, (4, 4)).T for it in found], expected, atol=EXACT, rtol=0):
+            break
+        page.wait_for_timeout(50)
+    for link, it in zip(links, found, strict=True):
+        expected = robot.placement(shown, link).homogeneous
+        np.testing.assert_allclose(np.reshape(it, (4, 4)).T, expected, atol=EXACT, err_msg=link)
+    snap(page, "arrived")
+
+
+def test_escape_stops_the_arm_in_the_middle_of_a_run(page: Page) -> None:
+    rest(page)
+    panel(page, "Tune")
+    focus_slider(page, "Input R")
+    for _ in range(30):  # a dearer input makes the arm slow
+        page.keyboard.press("ArrowRight")
+    page.get_by_text("input_weight = ").wait_for()
+    aim_at(page, 14, 12, 6)
+    page.get_by_role("button", name="Run").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_function(f"{LAST}.v.some((row) => row.some((v) => Math.abs(v) > 0.3))")
+    page.keyboard.press("Escape")
+    page.wait_for_function(f"{LAST}.mode === 0")
+    off = page.evaluate(f"Math.max(...{LAST}.e.at(-1).map(Math.abs))")
+    assert off > 0.05  # it went no further
+    expect(page.locator("#status")).to_contain_text("Holding still")
+    snap(page, "stopped")
+    panel(page, "Tune")
+    page.get_by_role("button", name="Defaults").click()
+    page.get_by_text("Nothing: all is as it comes.").wait_for()
+
+
+def test_time_pauses_and_goes_on_step_by_step(page: Page) -> None:
+    rest(page)
+    page.get_by_role("button", name="Pause").click()
+    page.wait_for_function(f"{LAST}.paused")
+    before = page.evaluate(f"{LAST}.t.at(-1)")
+    page.get_by_role("button", name="Step").click()
+    page.wait_for_function(f"{LAST}.t.at(-1) > {before}")
+    assert page.evaluate(f"{LAST}.t.at(-1)") == pytest.approx(before + 0.05, abs=1e-3)
+    page.get_by_role("button", name="Pause").click()
+    page.wait_for_function(f"!{LAST}.paused")
+
+
+# ---- tune and understand -----------------------------------------------------------------------
+
+
+def test_a_heavier_link_takes_more_torque(page: Page) -> None:
+    rest(page)
+    aim_at(page, 20, 0, 2)
+    run(page)
+    page.wait_for_function(f"{LAST}.arrived")
+    torque = f"Math.max(...{LAST}.tau.at(-1).map(Math.abs))"
+    light = page.evaluate(torque)
+    panel(page, "Tune")
+    page.get_by_label("Part").click()
+    page.get_by_role("option", name="link3 (link)").click()
+    focus_slider(page, "Mass")
+    for _ in range(60):
+        page.keyboard.press("ArrowRight")
+    page.get_by_text("link3.mass = ").wait_for()
+    page.wait_for_function(f"{torque} > {light + 0.02}")
+    snap(page, "tune")
+    page.get_by_role("button", name="Defaults").click()
+    page.get_by_text("Nothing: all is as it comes.").wait_for()
+    page.wait_for_function(f"Math.abs({torque} - {light}) < 0.03")
+
+
+def test_a_push_and_a_payload_show_in_the_charts(page: Page) -> None:
+    rest(page)
+    panel(page, "Move")
+    page.get_by_role("button", name="joint1").click()
+    page.wait_for_function(f"{LAST}.v.some((row) => Math.abs(row[0]) > 0.05)")
+    panel(page, "Insight")
+    page.wait_for_function("document.getElementById('fact-step').textContent.includes('µs')")
+    page.get_by_role("button", name="Keep run").click()
+    snap(page, "insight")
+    with page.expect_download() as csv:
+        page.get_by_role("button", name="CSV").click()
+    assert csv.value.path().read_text().startswith("t_s,e_joint1,e_joint2,e_joint3,v_joint1")
+    with page.expect_download() as png:
+        page.get_by_role("button", name="PNG").click()
+    assert png.value.path().read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_is_kept_is_written_into_the_folder(page: Page, program: Program) -> None:
+    rest(page)
+    aim_at(page, 15, 5, 5)
+    run(page)
+    page.wait_for_function(f"{LAST}.arrived")
+    panel(page, "Files")
+    for name, file in (("Recording", "run-1.npz"), ("TOML", "studio.toml"), ("URDF", "arm.urdf")):
+        page.get_by_role("button", name=name).click()
+        page.get_by_role("listitem").filter(has_text=file).wait_for()
+    recording = Recording.load(program.out / "run-1.npz")
+    np.testing.assert_allclose(recording.q[-1], recording.q_target, atol=0.01)
+    assert load_robot(program.out / "arm.urdf").nv == 3
+    snap(page, "files")
+
+
+# ---- many tabs ---------------------------------------------------------------------------------
+
+
+def test_one_tab_holds_the_controls_and_a_lost_one_leaves_the_arm_safe(
+    browser: Browser, program: Program
+) -> None:
+    with visit(browser, program.url) as second:
+        with visit(browser, program.url) as first:
+            if not first.evaluate(f"{LAST}.holder === studioFacts.tab"):
+                first.get_by_role("button", name="Take the controls").click()
+            first.wait_for_function(f"{LAST}.holder === studioFacts.tab")
+            second.get_by_role("button", name="Run").click()
+            second.get_by_text("Another tab holds the controls").wait_for()
+            aim_at(first, 14, -10, 4)
+            run(first)
+            second.wait_for_function(f"{LAST}.mode === 1")  # it sees the same
+        second.wait_for_function(f"{LAST}.mode === 0")  # and that the arm has been stopped
+        second.wait_for_function(f"{LAST}.holder === null")
+        second.get_by_role("button", name="Take the controls").click()
+        second.wait_for_function(f"{LAST}.holder === studioFacts.tab")
+
+
+# ---- how it looks ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
+def test_it_fits_the_window(
+    browser: Browser, program: Program, width: int, height: int, scheme: str
+) -> None:
+    with visit(browser, program.url, width=width, height=height, scheme=scheme) as page:
+        page.wait_for_function("document.getElementById('seen').children.length > 0")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        if width > 900:
+            assert page.evaluate("document.documentElement.scrollHeight") <= height
+        for name in ("See", "Aim", "Move", "Tune", "Insight", "Files"):
+            panel(page, name)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width, name
+        snap(page, f"{width}-{scheme}")
+
+
+NAMELESS = """() => [...document.querySelectorAll(
+    "button, input, canvas, iframe, [role=slider], [role=switch], [role=combobox]")]
+  .filter((it) => it.offsetParent !== null)
+  .filter((it) => !(it.textContent.trim() || it.ariaLabel || it.title || it.labels?.length
+    || it.closest("label")))
+  .map((it) => it.outerHTML.slice(0, 120))"""
+TIPLESS = """() => [...document.querySelectorAll(".q-btn, .q-slider, .q-toggle")]
+  .filter((it) => it.offsetParent !== null).length"""
+
+
+def test_everything_has_a_name_and_the_keyboard_reaches_it(page: Page) -> None:
+    for name in ("See", "Aim", "Move", "Tune", "Insight", "Files"):
+        panel(page, name)
+        assert page.evaluate(NAMELESS) == [], name
+        assert page.evaluate(TIPLESS) > 0
+    page.locator("body").click(position={"x": 300, "y": 30})
+    reached = []
+    for _ in range(5):
+        page.keyboard.press("Tab")
+        reached.append(page.evaluate("document.activeElement.textContent.trim()"))
+    assert any("Run" in text for text in reached), reached
+    assert any("Stop" in text for text in reached), reached
