@@ -55,7 +55,7 @@ def test_the_readmes_program_runs(tmp_path, monkeypatch):
     with contextlib.redirect_stdout(said):
         exec(compile(programs[0], "README.md", "exec"), {})
     assert "settled=True" in said.getvalue()
-    assert (tmp_path / "replay.html").is_file()
+    assert (tmp_path / "report.html").is_file()
 
 
 def test_the_versions_agree():

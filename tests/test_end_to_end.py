@@ -50,12 +50,12 @@ def test_the_story(paper, tmp_path):
     assert story.metrics.torque_violations == 0
     assert len(steps) == 60
     names = {file.name for file in story.files}
-    assert names == {*FIGURES, "seen.png", "replay.html", "run.npz", "summary.json"}
+    assert names == {*FIGURES, "seen.png", "report.html", "run.npz", "summary.json"}
     assert {file.name for file in (tmp_path / "new").iterdir()} == names
     # the hand ends where the object was seen
     hand = robot.placement(story.recording.q[-1]).translation
     np.testing.assert_allclose(hand, story.view.located[0].p_base, atol=2e-3)
-    assert (tmp_path / "new" / "replay.html").stat().st_size < 5e6
+    assert (tmp_path / "new" / "report.html").stat().st_size < 5e6
     assert cv2.imread(str(tmp_path / "new" / "seen.png")).shape == picture.shape
     summary = json.loads((tmp_path / "new" / "summary.json").read_text())
     assert summary["outcome"] == "settled"
@@ -106,7 +106,7 @@ def test_a_story_that_ends_too_soon(paper, tmp_path):
     green = [paper.targets["green"]]
     story = tell(arm3dof.load_robot(), picture, paper.camera, green, tmp_path, duration=0.2)
     assert story.outcome is Outcome.NOT_SETTLED
-    assert (tmp_path / "replay.html").is_file()
+    assert (tmp_path / "report.html").is_file()
 
 
 def test_every_outcome_has_its_sentence():

@@ -15,7 +15,7 @@ from arm3dof.runtime.recording import Recording
 from arm3dof.ui import shapes
 from arm3dof.ui.facets import Facets, Piece, facets
 from arm3dof.ui.meshcat_scene import RobotDrawing
-from arm3dof.ui.painter import Canvas, View
+from arm3dof.ui.painter import Canvas, Perspective
 from arm3dof.ui.run_frames import RunPainter, frame_count, run_frames, save_stills
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -32,15 +32,15 @@ def one(shape: shapes.Shape, color: tuple[float, float, float], place: np.ndarra
     return facets([Piece(0, shape, place, color)])
 
 
-def view(eye: tuple[float, float, float] = (2.0, -1.0, 1.0)) -> View:
-    return View.look_at(np.array(eye), np.zeros(3), 300.0, (WIDTH / 2, HEIGHT / 2))
+def view(eye: tuple[float, float, float] = (2.0, -1.0, 1.0)) -> Perspective:
+    return Perspective.look_at(np.array(eye), np.zeros(3), 300.0, (WIDTH / 2, HEIGHT / 2))
 
 
-def canvas(seen: View) -> Canvas:
+def canvas(seen: Perspective) -> Canvas:
     return Canvas(np.full((HEIGHT, WIDTH, 3), 255, np.uint8), seen)
 
 
-def painted(seen: View, *parts: Facets) -> np.ndarray:
+def painted(seen: Perspective, *parts: Facets) -> np.ndarray:
     made = canvas(seen)
     for part in parts:
         made.paint(part, part.placed(np.eye(4)[None]))

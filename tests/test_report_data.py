@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import msgpack
 import numpy as np
 import pytest
@@ -89,12 +90,24 @@ def test_only_pictures_of_a_bounded_size_are_taken(run: Recording, tmp_path: Pat
     assert command(run, PNG)["picture"].startswith("data:image/png;base64,iVBOR")
     with pytest.raises(InputError, match="no PNG, JPEG or WebP"):
         report_html(run, b"<svg onload=alert(1)>")
-    big = tmp_path / "big.png"
-    big.write_bytes(PNG + bytes(2_000_000))
-    with pytest.raises(InputError, match=r"big\.png has 2\.0 MB"):
-        read_picture(big)
+    with pytest.raises(InputError, match=r"the picture has 2\.0 MB"):
+        report_html(run, PNG + bytes(2_000_000))
+    broken = tmp_path / "broken.png"
+    broken.write_bytes(PNG + bytes(2_000_000))
+    with pytest.raises(InputError, match=r"broken\.png is damaged"):
+        read_picture(broken)
     with pytest.raises(MissingFile, match="no such picture"):
         read_picture(tmp_path / "none.png")
+
+
+def test_a_large_photograph_is_made_smaller(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (1500, 2400, 3), np.uint8)
+    cv2.imwrite(str(tmp_path / "photo.png"), cv2.GaussianBlur(noise, (7, 7), 0))
+    assert (tmp_path / "photo.png").stat().st_size > 2_000_000
+    data = read_picture(tmp_path / "photo.png")
+    assert len(data) < 2_000_000
+    shown = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert shown.shape == (1000, 1600, 3)
 
 
 def test_the_page_is_small_and_asks_nothing_of_the_network(run: Recording) -> None:

@@ -16,6 +16,7 @@ import arm3dof
 from arm3dof.config.camera_file import load_camera
 from arm3dof.ui.demo import tell
 from arm3dof.ui.demo_scene import draw_demo
+from arm3dof.ui.report import write_replay
 
 IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
 SOFTWARE_GL = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader")
@@ -30,9 +31,13 @@ def main() -> None:
     picture = draw_demo(camera, np.random.default_rng(0))
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        tell(arm3dof.load_robot(), picture, camera, [targets["green"]], folder, duration=3.0)
+        robot = arm3dof.load_robot()
+        story = tell(robot, picture, camera, [targets["green"]], folder, duration=3.0)
+        if story.recording is None:
+            raise SystemExit(f"nothing to photograph: {story.outcome.sentence}")
+        replay = write_replay(story.recording, folder / "replay.html")
         seen = cv2.imread(str(folder / "seen.png"))
-        page = photograph(folder / "replay.html", folder / "page.png")
+        page = photograph(replay, folder / "page.png")
         figures = [cv2.imread(str(folder / f"{name}.png")) for name in ("error", "torque")]
     top = row([seen, page])
     bottom = row(figures)

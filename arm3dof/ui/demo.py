@@ -20,7 +20,8 @@ from arm3dof.runtime.loop import Observer
 from arm3dof.runtime.metrics import Metrics, summarise
 from arm3dof.runtime.recording import Recording
 from arm3dof.ui.plots import save_figures
-from arm3dof.ui.report import write_replay
+from arm3dof.ui.report import write_report
+from arm3dof.ui.report_data import read_picture
 from arm3dof.ui.summary import run_report, to_json, view_report
 from arm3dof.vision.annotate import annotate
 from arm3dof.vision.camera import Camera
@@ -105,7 +106,7 @@ def tell(
     """See an object, aim at it, move there under MPC, and write everything into a folder.
 
     The target is the largest object that is found. The files are ``seen.png``, and once there is
-    a motion the paper's figures, ``replay.html`` and ``run.npz``, and always ``summary.json``.
+    a motion the paper's figures, ``report.html`` and ``run.npz``, and always ``summary.json``.
 
     Args:
         robot: the robot; it starts at rest at ``default_start``.
@@ -141,7 +142,7 @@ def tell(
             outcome = Outcome.SETTLED if metrics.settled else Outcome.NOT_SETTLED
             files += [
                 *save_figures(recording, folder),
-                write_replay(recording, folder / "replay.html"),
+                write_report(recording, folder / "report.html", read_picture(files[0])),
                 recording.save(folder / "run.npz"),
             ]
     summary = folder / "summary.json"

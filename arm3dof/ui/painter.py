@@ -23,7 +23,7 @@ _SKY = np.array([-0.55, 0.35, 0.45]) / np.linalg.norm([-0.55, 0.35, 0.45])
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class Perspective:
     """A camera without distortion.
 
     Attributes:
@@ -35,7 +35,9 @@ class View:
     transform_camera_base: Array
 
     @staticmethod
-    def look_at(eye: Array, target: Array, focal: float, middle: tuple[float, float]) -> View:
+    def look_at(
+        eye: Array, target: Array, focal: float, middle: tuple[float, float]
+    ) -> Perspective:
         """Return the view from one point at another, up being +z.
 
         Args:
@@ -50,7 +52,9 @@ class View:
         turn = np.stack([x, np.cross(z, x), z])
         transform = np.eye(4)
         transform[:3, :3], transform[:3, 3] = turn, -turn @ eye
-        return View(np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]]), transform)
+        return Perspective(
+            np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]]), transform
+        )
 
     def to_camera(self, points: Array) -> Array:
         """Take points of the base frame to the optical frame, shape (n, 3) [m]."""
@@ -73,7 +77,7 @@ class Canvas:
         view: the camera.
     """
 
-    def __init__(self, picture: Picture, view: View) -> None:
+    def __init__(self, picture: Picture, view: Perspective) -> None:
         self.picture = picture.copy()
         self._view = view
         self._nearness = np.zeros(picture.shape[:2])  # 1 / z [1/m]

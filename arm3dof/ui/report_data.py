@@ -7,6 +7,7 @@ import itertools
 from collections.abc import Mapping
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 import arm3dof
@@ -23,6 +24,7 @@ from arm3dof.ui.style import COLORS, DARK_COLORS
 
 MAX_ROWS = 6000  # of a curve in the file; of a longer one the extremes are kept
 MAX_PICTURE = 2_000_000  # bytes; the whole file stays below 5 MB
+PICTURE_SIDE = 1600  # px of the longer side of a picture that was too large
 _KINDS = {b"\x89PNG": "png", b"\xff\xd8\xff": "jpeg", b"RIFF": "webp"}
 
 Table = Mapping[str, object]
@@ -61,18 +63,29 @@ def report_command(
 
 
 def read_picture(path: str | Path) -> bytes:
-    """Read a picture for the report.
+    """Read a picture for the report; one of over 2 MB is made smaller.
 
     Raises:
         MissingFile: there is no such file.
-        InputError: it is no PNG, JPEG or WebP file, or too large.
+        InputError: it is no PNG, JPEG or WebP file, or damaged.
     """
     path = Path(path)
     if not path.is_file():
         raise MissingFile(f"{path}: no such picture; 'arm3dof see --out' writes one")
     data = path.read_bytes()
-    _data_url(data, str(path))
-    return data
+    picture_kind(data, str(path))
+    return data if len(data) <= MAX_PICTURE else _smaller(data, str(path))
+
+
+def _smaller(picture: bytes, name: str) -> bytes:
+    """Return a large picture as a JPEG file that fits."""
+    image = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise InputError(f"{name} is damaged; give a whole PNG, JPEG or WebP file")
+    share = min(1.0, PICTURE_SIDE / max(image.shape[:2]))
+    image = cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 88])
+    return data.tobytes()
 
 
 def status_segments(recording: Recording) -> list[dict[str, object]]:

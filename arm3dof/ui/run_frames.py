@@ -20,7 +20,7 @@ from arm3dof.state import Array
 from arm3dof.ui import stage
 from arm3dof.ui.facets import Facets, Piece, facets
 from arm3dof.ui.meshcat_scene import PATH_END, TARGET
-from arm3dof.ui.painter import Canvas, Picture, View
+from arm3dof.ui.painter import Canvas, Perspective, Picture
 from arm3dof.ui.replay import at_times, is_turning, sample_rows, verdict
 from arm3dof.ui.report_data import status_segments
 from arm3dof.ui.run_stage import RunStage
@@ -146,18 +146,18 @@ def save_stills(recording: Recording, folder: str | Path) -> tuple[Path, ...]:
 # ---- what rests --------------------------------------------------------------------------------
 
 
-def _view(center: Array, radius: float, size: tuple[int, int]) -> View:
+def _view(center: Array, radius: float, size: tuple[int, int]) -> Perspective:
     """Return the first view of the page, a little to the right to leave room for the figures."""
     width, height = _FINE * size[0], _FINE * size[1]
     direction = np.array(stage.VIEW_DIRECTIONS["Corner"])
     distance = 1.06 * radius / np.sin(stage.HALF_FIELD_OF_VIEW)
     eye = center + distance * direction / np.linalg.norm(direction)
     focal = min(height, 0.8 * width) / 2 / np.tan(stage.HALF_FIELD_OF_VIEW)
-    return View.look_at(eye, center, focal, (0.57 * width, 0.48 * height))
+    return Perspective.look_at(eye, center, focal, (0.57 * width, 0.48 * height))
 
 
 def _backdrop(
-    view: View, size: tuple[int, int], center: Array, radius: float, floor: float
+    view: Perspective, size: tuple[int, int], center: Array, radius: float, floor: float
 ) -> Picture:
     """Return the sky and the floor with lines at round distances, which fade away."""
     width, height = _FINE * size[0], _FINE * size[1]
