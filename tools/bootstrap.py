@@ -83,7 +83,7 @@ def check_renderer(python):
             return
         if not last:
             install(" ".join(RENDERER), "nothing to draw the physics world with")
-    stop(done.stderr.strip().splitlines()[-1])
+    stop(done.stderr.strip().splitlines()[-1].rpartition("Error: ")[2])
 
 
 def can_install():

@@ -109,29 +109,33 @@ class WorldCamera:
 
     def take(self) -> Image:
         """Take a picture of the present moment, BGR, shape (height, width, 3), uint8."""
-        data = self._plant.data
-        qpos, qvel = data.qpos.copy(), data.qvel.copy()
-        if self._exposure == 0 or not np.any(qvel):
-            picture = self._draw(qpos)
-        else:
-            total = np.zeros((self.height, self.width, 3), np.float32)
-            for moment in np.linspace(-self._exposure, 0.0, _SUBFRAMES):
-                then = qpos.copy()
-                mujoco.mj_integratePos(self._plant.model, then, qvel, moment)
-                total += self._draw(then)
-            picture = (total / _SUBFRAMES + 0.5).astype(np.uint8)
+        picture = self._straight()
+        if self._lens is not None:
+            picture = self._lens.bend(picture)
         if self._noise is None or self._rng is None:
             return picture
         return self._with_noise(picture, self._noise, self._rng)
+
+    def _straight(self) -> Image:
+        """Return what a pinhole camera sees in the exposure, as large as the lens needs it."""
+        qpos, qvel = self._plant.data.qpos.copy(), self._plant.data.qvel.copy()
+        if self._exposure == 0 or not np.any(qvel):
+            return self._draw(qpos)
+        pictures = []
+        for moment in np.linspace(-self._exposure, 0.0, _SUBFRAMES):
+            then = qpos.copy()
+            mujoco.mj_integratePos(self._plant.model, then, qvel, moment)
+            pictures.append(self._draw(then))
+        total = np.stack(pictures).sum(axis=0, dtype=np.uint16)
+        blurred: Image = ((total + _SUBFRAMES // 2) // _SUBFRAMES).astype(np.uint8)
+        return blurred
 
     def _draw(self, qpos: Array) -> Image:
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._plant.model, self._data)
         mujoco.mj_camlight(self._plant.model, self._data)
-        if self._lens is None:
-            return self._renderer.draw(self._data, self.camera_matrix, self.transform_base_camera)
-        straight = self._renderer.draw(self._data, self._lens.matrix, self.transform_base_camera)
-        return self._lens.bend(straight)
+        matrix = self.camera_matrix if self._lens is None else self._lens.matrix
+        return self._renderer.draw(self._data, matrix, self.transform_base_camera)
 
     def _with_noise(self, picture: Image, bank: Levels, rng: np.random.Generator) -> Image:
         row, column = rng.integers(0, _SPARE, 2)
