@@ -12,7 +12,7 @@ from arm3dof.sim.disturbance import DisturbedPlant, PayloadChange, Push, Wrench
 from arm3dof.sim.mujoco_plant import MujocoPlant
 from arm3dof.sim.pinocchio_plant import PinocchioPlant
 from arm3dof.sim.servo import Servo
-from arm3dof.sim.world import COLOURS, Bin, Body, World, scatter
+from arm3dof.sim.world import COLOURS, SHAPES, Bin, Body, World, scatter
 from arm3dof.state import JointState
 
 AHEAD = np.array([0.19, 0.05])
@@ -327,6 +327,18 @@ def test_objects_stand_where_they_were_put(robot):
         np.testing.assert_allclose(pose[:3, 3], wanted, atol=2e-4)
         assert pose[2, 2] > 0.9999
         assert np.arctan2(pose[1, 0], pose[0, 0]) == pytest.approx(body.yaw, abs=1e-3)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_what_is_pushed_slides_as_far_as_coulomb_says(robot, shape):
+    body = Body("it", shape, 0.04, 0.04 if shape == "cube" else 0.02, 0.03, (1, 0, 0), 0.2, 0.0)
+    plant = MujocoPlant(robot, World(bodies=(body,), friction=0.4), dt=0.002)
+    plant.reset(at([2.2, 1.6, -0.5]))
+    hold_still(plant, 0.1)
+    plant.data.joint("it").qvel[0] = 0.5
+    hold_still(plant, 0.6)
+    far = 0.5**2 / (2 * 0.4 * 9.81)
+    assert plant.body_pose("it")[0, 3] - 0.2 == pytest.approx(far, rel=0.03)
 
 
 def test_what_falls_into_a_bin_stays_in_it(robot):
