@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from arm3dof.control import solver
 from arm3dof.control.mpc import MpcController
 from arm3dof.control.paper import PaperFormulation
 from arm3dof.control.qp import ProxqpWorkspace, QpStatus
@@ -316,3 +317,28 @@ def test_a_joint_that_is_too_fast_is_slowed_down_in_stages_and_not_at_once(robot
         if step.status is ControlStatus.SOLVED:  # as the torque allows
             assert (excess[1:] <= 0.7 * excess[0] + 1e-5).all()
         assert (excess[-1] < 0.05 * limits.v_max).all()
+
+
+def test_a_target_that_is_absurdly_far_pulls_as_hard_as_one_that_is_only_far(robot):
+    state = JointState(0.0, np.zeros(3), np.zeros(3))
+    for far in (1e3, 1e50, 1e200):
+        step = MpcController(robot).step(state, np.array([far, 0.5, -far]))
+        expected = MpcController(robot).step(state, np.array([50.0, 0.5, -50.0]))
+        assert step.status is expected.status
+        np.testing.assert_allclose(step.tau, expected.tau, atol=1e-6)
+
+
+def test_the_work_of_a_step_is_bounded_and_ends_at_the_deadline(robot):
+    rng = np.random.default_rng(9)
+    controller = MpcController(weak(robot, 0.05))
+    hopeless = 0
+    for _ in range(20):
+        state = random_state(robot, rng, 5.0)
+        step = controller.step(state, robot.random_configuration(rng))
+        assert_safe(step, controller.robot)
+        hopeless += step.status is ControlStatus.NOT_SOLVED
+        assert controller._solver._work <= solver._MOST_WORK
+    assert hopeless
+    late = MpcController(robot)._solver
+    late.begin(deadline=0.0)
+    assert not late._affords(0.1)

@@ -110,13 +110,15 @@ class MpcController:
         reference = self._within_reach(reference, state)
         if self._target_jumped(reference) or self.observer.jumped:
             self._forget_plan()
+        limit = self.settings.max_step_time
+        deadline = None if limit is None else start + limit
+        self._solver.begin(deadline)
         with np.errstate(all="ignore"):  # an absurd state overflows; its program is not solved
             optimum, plan = self._optimise(state, reference)
+        if deadline is not None and time.perf_counter() > deadline:
+            return self._fall_back(state, reference, ControlStatus.DEADLINE_MISSED, start)
         if optimum is None or optimum.status is not QpStatus.SOLVED:
             return self._fall_back(state, reference, ControlStatus.NOT_SOLVED, start)
-        limit = self.settings.max_step_time
-        if limit is not None and time.perf_counter() - start > limit:
-            return self._fall_back(state, reference, ControlStatus.DEADLINE_MISSED, start)
         self._fallback.remember(plan)
         self._formulation.advance()
         self._solver.advance()

@@ -56,8 +56,8 @@ class MpcSettings:
             torque cannot prevent it.
         max_iterations: iteration cap of one solve.
         tolerance: largest residual of a solved problem.
-        max_step_time: a step that takes longer answers with the previous plan [s]; ``None``
-            sets no deadline.
+        max_step_time: a step that takes longer begins no further solve, and answers with the
+            previous plan [s]; ``None`` sets no deadline, only a bound on the work.
         plan_validity: how long the previous plan may stand in for a missing optimum [s]; after
             it the arm brakes.
 

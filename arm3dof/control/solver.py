@@ -17,6 +17,8 @@ continuation, Allgower and Georg 1990).
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +35,7 @@ from arm3dof.state import Array
 
 _MOST_ROUNDS = 8
 _MOST_ROWS = 3.0  # limits a decision; with more, braking is the better answer
+_MOST_WORK = 10.0  # duals with as many limits as decisions, in one control step
 _PATIENCE = 3  # after so many rounds a joint's limit is added for all stages at once
 _TORQUE_ERROR = 0.1  # a tangent that errs by more of its limit is taken anew, ...
 _MOST_TANGENTS = 3  # ... so often in a step
@@ -49,6 +52,16 @@ class ProgramSolver:
         self._settings = settings
         self._workspaces: dict[int, ProxqpWorkspace] = {}
         self._likely: NDArray[np.bool_] | None = None
+        self.begin(None)
+
+    def begin(self, deadline: float | None) -> None:
+        """Begin a control step, whose work is bounded.
+
+        Args:
+            deadline: reading of ``time.perf_counter`` from which on no more duals are solved [s];
+                one that has begun is solved to its end.
+        """
+        self._deadline, self._work = deadline, 0.0
 
     def reset(self) -> None:
         """Forget earlier solutions."""
@@ -148,7 +161,7 @@ class ProgramSolver:
             rows |= new
             if attempt >= _PATIENCE:
                 rows |= rows.any(axis=2, keepdims=True) & free
-            if np.count_nonzero(rows) > _MOST_ROWS * w.size:
+            if not self._affords(np.count_nonzero(rows) / w.size):
                 return _free_optimum(program, bounds, values, QpStatus.ITERATION_LIMIT)
             program.linearise(torque_stages(rows))
             w, z, status = self._solve_dual(program, bounds, rows, excess, w)
@@ -162,6 +175,14 @@ class ProgramSolver:
             status = QpStatus.ITERATION_LIMIT
         softened = bool(broken[:, 1:3].any())
         return Optimum(w, values, error, status, softened, rows, z, program, bounds)
+
+    def _affords(self, rows: float) -> bool:
+        """Whether one more dual may be solved, with so many limits a decision."""
+        late = self._deadline is not None and time.perf_counter() >= self._deadline
+        if late or rows > _MOST_ROWS or self._work + rows**3 > _MOST_WORK:
+            return False
+        self._work += rows**3
+        return True
 
     def _solve_dual(
         self,
