@@ -1,15 +1,18 @@
 """What errors of the camera do to a point, against pictures of a camera that errs."""
 
 import math
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from arm3dof.config.camera_file import load_camera
 from arm3dof.errors import InputError
 from arm3dof.runtime.campaign import trial_rng
 from arm3dof.runtime.see_trial import SeeTrial
 from arm3dof.runtime.table_scenes import random_scene
+from arm3dof.ui.demo_scene import draw_demo
 from arm3dof.vision.budget import Cause, Table, judge
 from arm3dof.vision.camera import Camera, Doubt, intrinsics
 from arm3dof.vision.locate import look
@@ -122,3 +125,16 @@ def test_each_doubt_has_its_cause():
 def test_numbers_that_are_none_are_refused(make, message):
     with pytest.raises(InputError, match=message):
         make()
+
+
+def test_what_was_seen_crosses_to_another_process():
+    camera, targets = load_camera("paper")
+    picture = draw_demo(camera, np.random.default_rng(0))
+    (seen,) = look(picture, camera, [targets["green"]]).located
+    sent = pickle.loads(pickle.dumps(seen))
+    assert (sent.target, sent.box_px, sent.depth_m) == (seen.target, seen.box_px, seen.depth_m)
+    np.testing.assert_array_equal(sent.covariance_base, seen.covariance_base)
+    assert list(sent.budget) == list(seen.budget)
+    for cause, covariance in seen.budget.items():
+        np.testing.assert_array_equal(sent.budget[cause], covariance)
+    assert not sent.p_base.flags.writeable

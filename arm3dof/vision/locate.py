@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -81,6 +82,11 @@ class Located:
         object.__setattr__(self, "covariance_base", covariance)
         parts = {it: frozen_array(c, 3, 3, name=it.name) for it, c in self.budget.items()}
         object.__setattr__(self, "budget", MappingProxyType(parts))
+
+    def __reduce__(self) -> tuple[Callable[[], Located], tuple[()]]:
+        """Let a process send it to another one; a mapping's read-only view cannot be pickled."""
+        values = {it.name: getattr(self, it.name) for it in fields(self)}
+        return partial(Located, **{**values, "budget": dict(self.budget)}), ()
 
     @property
     def sigma_m(self) -> float:
