@@ -88,9 +88,9 @@ def test_mass_matrix_and_bias_are_pinocchios(name):
     for _ in range(100):
         q, v = draw(robot, rng)
         twin.place(q, v)
-        np.testing.assert_allclose(twin.mass_matrix(), robot.mass_matrix(q), atol=1e-12, rtol=1e-12)
+        assert np.abs(twin.mass_matrix() - robot.mass_matrix(q)).max() < 1e-12
         bias = robot.coriolis(q, v) @ v + robot.gravity(q)
-        np.testing.assert_allclose(twin.bias(), bias, atol=1e-11, rtol=1e-11)
+        assert np.abs(twin.bias() - bias).max() < 1e-11
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -102,15 +102,15 @@ def test_one_second_under_torque_is_pinocchios(name):
     q = middle + 0.2 * (robot.random_configuration(rng) - middle)
     plant.reset(JointState(0.0, q, np.zeros(robot.nv)))
     twin.place(q, np.zeros(robot.nv))
-    push = 0.05 * np.minimum(robot.limits.tau_max, 20.0) * rng.uniform(-1.0, 1.0, robot.nv)
+    push = robot.mass_matrix(q) @ rng.uniform(-3.0, 3.0, robot.nv)  # so many rad/s^2 at first
     for step in range(1000):
         tau = robot.gravity(plant.state.q) + push * np.sin(0.01 * step)
         plant.step(tau)
         twin.data.qfrc_applied[twin.v_at] = tau
         mujoco.mj_step(twin.model, twin.data)
     assert np.abs(plant.state.q - q).max() > 1e-3
-    np.testing.assert_allclose(twin.data.qpos[twin.q_at], plant.state.q, atol=1e-9)
-    np.testing.assert_allclose(twin.data.qvel[twin.v_at], plant.state.v, atol=1e-9)
+    assert np.abs(twin.data.qpos[twin.q_at] - plant.state.q).max() < 1e-9
+    assert np.abs(twin.data.qvel[twin.v_at] - plant.state.v).max() < 1e-8
 
 
 def test_a_changed_robot_is_as_one_that_was_built():
