@@ -11,8 +11,11 @@ import sklearn
 
 import arm3dof
 from arm3dof.cli import app
+from arm3dof.cli import demo as demo_command
+from arm3dof.cli.tasks import why_no_physics
 from arm3dof.config.camera_file import load_camera
 from arm3dof.errors import InputError
+from arm3dof.runtime.recording import Recording
 from arm3dof.sim.mujoco_plant import MujocoPlant
 from arm3dof.sim.world import COLOURS, Body, World
 from arm3dof.sim.world_camera import WorldCamera
@@ -134,13 +137,40 @@ def demo(capsys, tmp_path):
 def test_demo(demo):
     code, answer, folder = demo()
     assert code == 0
-    assert answer["settled"] is True
+    assert (answer["outcome"], answer["lifted"], answer["placed"]) == ("placed", True, True)
+    assert answer["lift_m"] > 0.05
+    assert answer["place_error_m"] < 0.01
+    assert answer["torque_violations"] == 0
     assert answer["url"] is None
-    assert answer["assumed"] == {}
+    assert {it["target"] for it in answer["objects"]} == {"green", "red", "blue"}
     written = {file.name for file in folder.iterdir()}
     assert {Path(file).name for file in answer["files"]} == written
+    assert {"seen.png", "report.html", "torque.png", "run.npz"} <= written
     summary = json.loads((folder / "summary.json").read_text())
     assert summary == {key: answer[key] for key in summary}
+    recording = Recording.load(folder / "run.npz")
+    assert set(recording.bodies) == {"green_0", "red_1", "blue_2"}
+    assert recording.bodies["green_0"][:, 2].max() > recording.bodies["green_0"][0, 2] + 0.05
+    assert np.ptp(recording.gripper) > 0.01
+
+
+def test_the_camera_is_filmed(demo):
+    code, _, folder = demo("--seed", "1", "--target", "red", "--mp4")
+    assert code == 0
+    assert (folder / "camera.mp4").stat().st_size > 50_000
+
+
+def test_without_physics_a_picture_is_drawn(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(demo_command, "why_no_physics", lambda robot: "MuJoCo is not installed")
+    assert app.main(["demo", "--no-serve", "--json", "--out", str(tmp_path)]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == "drawn, not simulated: MuJoCo is not installed\n"
+    assert json.loads(captured.out)["outcome"] == "settled"
+
+
+def test_an_arm_without_a_gripper_does_not_grasp():
+    assert "ur5" in (why_no_physics(arm3dof.load_robot("ur5")) or "")
+    assert why_no_physics(arm3dof.load_robot("arm3dof")) is None
 
 
 def test_demo_on_a_photograph_runs_through_to_a_settled_arm(demo):

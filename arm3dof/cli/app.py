@@ -22,6 +22,7 @@ from arm3dof.cli import (
     simulate,
     studio,
     sweep,
+    tasks,
     view,
 )
 from arm3dof.cli.options import JsonFlag
@@ -51,6 +52,7 @@ def root(
 
 _POINT = {"ignore_unknown_options": True}  # a negative coordinate is no option
 app.command()(demo.demo)
+app.command()(tasks.sort)
 app.command()(see.see)
 app.command(context_settings=_POINT)(robots.ik)
 app.command()(simulate.simulate)

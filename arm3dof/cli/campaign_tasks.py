@@ -44,15 +44,15 @@ def grasp(
     """
     from arm3dof.runtime.tasks.grasp_trial import GraspTrial
 
-    trial = GraspTrial(_faults(faults))
+    trial = GraspTrial(faults_of(faults))
     done = run("grasp", trial, n, seed, only=only, workers=workers, folder=folder)
     goal = GRASP_GOAL_FAULTS if faults else GRASP_GOAL
-    miss = 1000 * done.column("miss_m")
+    miss = 1000 * done.column("place_error_m")
     report: dict[str, Any] = done.report() | {
         "faults": faults,
         "goal": goal,
-        "miss_mm": _spread(miss),
-        "lifted_mm": _spread(1000 * done.column("lifted_m")),
+        "place_error_mm": _spread(miss),
+        "lift_mm": _spread(1000 * done.column("lift_m")),
         "duration_s": _spread(done.column("duration_s")),
     }
 
@@ -81,10 +81,10 @@ def sort(
     """
     from arm3dof.runtime.tasks.sort_trial import SortTrial
 
-    done = run("sort", SortTrial(_faults(faults)), n, seed, only=only, workers=workers,
+    done = run("sort", SortTrial(faults_of(faults)), n, seed, only=only, workers=workers,
                folder=folder)  # fmt: skip
-    objects, right = done.column("objects").sum(), done.column("sorted").sum()
-    fallen = int(done.column("fallen").sum())
+    objects, right = done.column("objects_in_all").sum(), done.column("objects_sorted").sum()
+    fallen = int(done.column("objects_fallen").sum())
     share = float(right / objects) if objects else 0.0
     report: dict[str, Any] = done.report() | {
         "faults": faults,
@@ -106,7 +106,8 @@ def sort(
     return finish(done, report, as_json=as_json, yes=yes, details=show)
 
 
-def _faults(wanted: bool) -> Faults | None:
+def faults_of(wanted: bool) -> Faults | None:
+    """Return the faults of ``--faults``; None without it."""
     from arm3dof.runtime.tasks.simulated import Faults
 
     return Faults() if wanted else None

@@ -15,6 +15,7 @@ from arm3dof.cli.progress import control_steps
 from arm3dof.cli.see import CameraName, Hsv, TargetNames, WidthM, read_hsv, show_view, wanted
 from arm3dof.cli.serving import Browser, Port, show_address
 from arm3dof.cli.simulate import show_files, show_metrics
+from arm3dof.cli.tasks import Video, finish_story, grasp_story, why_no_physics
 from arm3dof.cli.view import PLAYS, play
 from arm3dof.control.settings import MpcSettings
 from arm3dof.errors import InputError
@@ -49,7 +50,8 @@ def demo(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Any picture. Default: one that is drawn, of a table with things on it.",
+            help="Any picture. Default: what the camera sees in the physics world, where the "
+            "arm grasps an object, lifts it and places it.",
             show_default=False,
         ),
     ] = None,
@@ -61,8 +63,9 @@ def demo(
     changes: Overrides = None,
     servos: ServoNames = None,
     seed: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Where things stand in the drawn picture.")
+        int, typer.Option(metavar="N", min=0, help="Where things stand in that world.")
     ] = 0,
+    video: Video = False,
     folder: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder to write into.")
     ] = Path("out"),
@@ -73,16 +76,29 @@ def demo(
     browser: Browser = True,
     as_json: JsonFlag = False,
 ) -> int:
-    """See an object in a picture, aim at it, move the arm there, and show the motion.
+    """See an object, grasp it, lift it, place it, and show the motion.
+
+    Three objects stand in a physics world (extra 'physics'); the task gets its camera's pictures
+    and the joint angles, and what counts is the object itself. Without that extra, or for an arm
+    without a gripper, a table is drawn and the arm goes to the object. With --image the arm goes
+    to what the picture shows.
 
     A photograph needs nothing else: without --camera an ordinary lens at the paper's place is
     assumed, without --hsv the most conspicuous object is taken, and without --width-m it is taken
     to stand 0.2 m from the lens. The answer is no when nothing is seen, the object is out of
-    reach, or the arm does not settle.
+    reach, the object is not placed, or the arm does not settle.
     """
     from arm3dof.ui.demo import tell
 
     arm = robot_from(robot, changes, servos)
+    if image is None and hsv is None and width_m is None:
+        reason = why_no_physics(arm)
+        if reason is None:
+            writable(folder)
+            wish = target[0] if target else None
+            story = grasp_story(arm, wish, camera, seed, folder, video)
+            return finish_story(story, serve, port, browser, as_json=as_json)
+        output.err().print(f"drawn, not simulated: {reason}", markup=False)
     if image is None:
         setting = _drawn(camera or "paper", target, hsv, width_m, seed)
     elif camera is not None:
@@ -92,22 +108,22 @@ def demo(
     settings = MpcSettings()
     writable(folder)
     with control_steps("moving", PAPER_DURATION, settings.dt) as observer:
-        story = tell(arm, *setting[:3], folder, settings=settings, observers=[observer])
+        told = tell(arm, *setting[:3], folder, settings=settings, observers=[observer])
 
     def announce(url: str | None) -> None:
         def show(console: Console) -> None:
-            _show(console, setting, story)
+            _show(console, setting, told)
             if url is not None:
                 show_address(console, PLAYS, url)
 
-        report = story.report() | {"assumed": setting.guessed, "url": url}
+        report = told.report() | {"assumed": setting.guessed, "url": url}
         output.deliver(report, as_json=as_json, show=show)
 
-    if serve and story.recording is not None:
-        play(story.recording, port, browser=browser, announce=announce)
+    if serve and told.recording is not None:
+        play(told.recording, port, browser=browser, announce=announce)
     else:
         announce(None)
-    return output.DONE if story.succeeded else output.ANSWER_IS_NO
+    return output.DONE if told.succeeded else output.ANSWER_IS_NO
 
 
 def _drawn(

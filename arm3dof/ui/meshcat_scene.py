@@ -307,9 +307,10 @@ class Scene:
         self._radius = self.look_at(np.vstack([sample[::10], recording.q_target]))
         path = [robot.placement(q).translation for q in sample]
         self.show_path(np.array(path).reshape(-1, 3))
-        self.show_target(robot.placement(recording.q_target).translation)
         self._replays = True
-        if recording.world is not None:
+        if recording.world is None:
+            self.show_target(robot.placement(recording.q_target).translation)
+        else:  # what is aimed at moves, and is drawn itself
             self.window.post(*draw_world(recording.world))
         self.window.post(
             caption_command(robot.name, recording, summarise(recording)),

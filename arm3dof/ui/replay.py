@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 RATE = 60.0  # frames/s
 MAX_FRAMES = 3600  # a longer run is shown at a lower rate
+VERDICT, ACHIEVED = "verdict", "achieved"
+"""Notes of a recording that say what came of it, where that is not a matter of settling."""
 
 
 def frame_times(recording: Recording) -> tuple[Array, float]:
@@ -104,18 +106,27 @@ def caption_command(
         "type": "caption",
         "title": title,
         "verdict": verdict(recording, metrics),
-        "good": metrics.settled and metrics.torque_violations == 0,
+        "good": _is_good(recording, metrics),
         "facts": facts,
     }
 
 
 def verdict(recording: Recording, metrics: Metrics) -> str:
     """Say in a few words how a run ended."""
+    if VERDICT in recording.notes:
+        told = recording.notes[VERDICT]
+        return told[:1].upper() + told[1:]
     if metrics.torque_violations:
         return f"Torque limit broken in {metrics.torque_violations} steps"
     if metrics.settling_time is not None:
         return f"Settled in {metrics.settling_time:.2f} s"
     return f"Not settled after {recording.t[-1] - recording.t[0]:.1f} s"
+
+
+def _is_good(recording: Recording, metrics: Metrics) -> bool:
+    if ACHIEVED in recording.notes:
+        return recording.notes[ACHIEVED] == "yes"
+    return metrics.settled and metrics.torque_violations == 0
 
 
 def is_turning(robot: Robot, joint: int) -> bool:

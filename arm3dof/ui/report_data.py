@@ -198,7 +198,7 @@ def _note_tables(r: Recording) -> list[Table]:
     ]
 
 
-_SUBJECTS = {"": "Notes", "mpc": "Controller"}
+_SUBJECTS = {"": "Notes", "mpc": "Controller", "task": "Task"}
 _UNITS = {
     "mpc.horizon": "stages",
     "mpc.dt": "s",

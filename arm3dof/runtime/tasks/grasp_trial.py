@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,6 +14,7 @@ from arm3dof.errors import InputError
 from arm3dof.model.library import load_robot
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.campaign import Outcome
+from arm3dof.runtime.tasks.clearance import Obstacle
 from arm3dof.runtime.tasks.goals import Grasping
 from arm3dof.runtime.tasks.gripping import Grip, Gripping, Placing
 from arm3dof.runtime.tasks.machine import Phase
@@ -22,6 +23,7 @@ from arm3dof.runtime.tasks.simulated import (
     LIFTED_ENOUGH,
     PLACED_WITHIN,
     Faults,
+    Judgement,
     SimulatedTask,
     Verdict,
     task_targets,
@@ -82,7 +84,13 @@ class GraspTrial:
         robot = load_robot("arm3dof")
         task = random_grasp(robot, rng)
         result, verdict = self.run(robot, task, rng)
-        return judge(task, result, verdict)
+        found = judge(task, result, verdict)
+        figures = {
+            "lift_m": verdict.lifted,
+            "place_error_m": verdict.misses(*task.place),
+            "duration_s": result.duration,
+        }
+        return Outcome("" if found.yes else found.sentence, figures)
 
     def run(
         self,
@@ -108,24 +116,28 @@ class GraspTrial:
             return result, scene.verdict(task.body.name)
 
 
-def judge(task: GraspTask, result: TaskResult, verdict: Verdict) -> Outcome:
+def judge(task: GraspTask, result: TaskResult, verdict: Verdict) -> Judgement:
     """Say whether an object was lifted and placed, and if not, why."""
     miss = verdict.misses(*task.place)
     lifted = verdict.lifted >= LIFTED_ENOUGH
-    reason = ""
-    if not (lifted and verdict.rests and miss <= PLACED_WITHIN):
+    placed = lifted and verdict.rests and miss <= PLACED_WITHIN
+    sentence = "the object was lifted and placed"
+    if not placed:
         told = "it says that it is done" if result.failure is None else result.failure.sentence
-        reason = (
+        sentence = (
             f"lifted {1000 * verdict.lifted:.0f} mm, {1000 * miss:.0f} mm from its place"
             f"{'' if verdict.rests else ', not standing'}; {told}"
         )
+    failure = "not_placed" if result.failure is None else str(result.failure.failure)
     figures = {
-        "lifted_m": verdict.lifted,
-        "miss_m": miss,
-        "duration_s": result.duration,
-        "attempts": float(sum(step.target is Phase.CLOSE for step in result.steps)),
+        "lifted": lifted,
+        "placed": placed,
+        "lift_m": verdict.lifted,
+        "place_error_m": miss,
+        "place_m": task.place,
+        "attempts": sum(step.target is Phase.CLOSE for step in result.steps),
     }
-    return Outcome(reason, figures)
+    return Judgement("placed" if placed else failure, placed, sentence, figures)
 
 
 def random_grasp(robot: Robot, rng: np.random.Generator) -> GraspTask:
@@ -138,11 +150,11 @@ def random_grasp(robot: Robot, rng: np.random.Generator) -> GraspTask:
     Raises:
         InputError: this robot can grasp none of what is drawn.
     """
-    gripping = _gripping(robot)
+    gripping = gripping_of(robot)
     for _ in range(_TRIES):
         body, target = _object(rng)
         grip = gripping.grip(as_seen(body))
-        place = _place(rng, gripping, grip, body) if isinstance(grip, Grip) else None
+        place = draw_place(rng, gripping, grip) if isinstance(grip, Grip) else None
         if place is not None:
             light = math.exp(rng.uniform(math.log(LIGHTS[0]), math.log(LIGHTS[1])))
             return GraspTask(World(bodies=(body,), light=light), target, place)
@@ -176,17 +188,27 @@ def _object(rng: np.random.Generator) -> tuple[Body, str]:
     return body, target
 
 
-def _place(
-    rng: np.random.Generator, gripping: Gripping, grip: Grip, body: Body
+def draw_place(
+    rng: np.random.Generator, gripping: Gripping, grip: Grip, others: Sequence[Obstacle] = ()
 ) -> tuple[float, float] | None:
-    radius = math.hypot(body.x, body.y) + rng.uniform(-_FARTHEST_CARRY, _FARTHEST_CARRY)
+    """Draw a place at which what is gripped can be put down; None when that one will not do.
+
+    Args:
+        rng: source of the place.
+        gripping: what says whether it will do.
+        grip: how the object is held.
+        others: what stands around.
+    """
+    thing = grip.thing
+    radius = thing.distance_to(0, 0) + rng.uniform(-_FARTHEST_CARRY, _FARTHEST_CARRY)
     bearing = rng.uniform(*BEARINGS)
     x, y = radius * math.cos(bearing), radius * math.sin(bearing)
-    if math.hypot(x - body.x, y - body.y) < _LEAST_CARRY:
+    if thing.distance_to(x, y) < _LEAST_CARRY:
         return None
-    return (x, y) if isinstance(gripping.placing(grip, x, y), Placing) else None
+    return (x, y) if isinstance(gripping.placing(grip, x, y, others), Placing) else None
 
 
 @lru_cache(maxsize=2)
-def _gripping(robot: Robot) -> Gripping:
+def gripping_of(robot: Robot) -> Gripping:
+    """Return what says how a robot grasps on the default table, made once."""
     return Gripping(robot, World().table.height)

@@ -24,8 +24,9 @@ _LOOKS = 2  # pictures in a row that must agree
 _AGREE = 0.006  # [m]
 _PATIENCE = 2.5  # longest wait for pictures that agree [s]
 _ARRIVED = np.deg2rad(1.5)
-_STILL = 0.08  # [rad/s]
+_STILL = 0.15  # [rad/s]
 _LATE = 0.8  # how long after its time the arm may arrive [s]
+_NEAR = np.deg2rad(4.0)  # and how far off it may be then, by friction or a wrong mass
 _FAR_OFF = np.deg2rad(14.0)  # from the trajectory: something stops the arm
 _SETTLE = 0.12  # fingers that have not moved for so long have stopped [s]
 _LONGEST_GRIP = 2.5  # [s]
@@ -368,11 +369,11 @@ class PickAndPlace:
                 if off > _FAR_OFF:
                     return Event.STOPPED
             return None
-        near = float(np.abs(self._goal_q() - state.q).max()) < _ARRIVED
-        if near and float(np.abs(state.v).max()) < _STILL:
+        off = float(np.abs(self._goal_q() - state.q).max())
+        if off < _ARRIVED and float(np.abs(state.v).max()) < _STILL:
             return Event.ARRIVED
         if t > end + _LATE:
-            return Event.ARRIVED if near else Event.STOPPED
+            return Event.ARRIVED if off < _NEAR else Event.STOPPED
         return None
 
     def _go(self, t: float, event: Event, detail: str = "") -> None:

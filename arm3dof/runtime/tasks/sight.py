@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,8 @@ from numpy.typing import NDArray
 from arm3dof.runtime.tasks.pick_and_place import Sight
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import ColourTarget
-from arm3dof.vision.locate import View, look
-from arm3dof.vision.standing import Standing, stand
+from arm3dof.vision.locate import Located, View, look
+from arm3dof.vision.standing import SHAPE_SIGMA_M, Standing, stand
 
 Image = NDArray[np.uint8]
 
@@ -21,12 +22,63 @@ _WIDTHS = (0.012, 0.075)  # [m]
 _HEIGHTS = (0.010, 0.110)  # [m]
 
 
-def things_in(view: View, camera: Camera, table_height: float) -> tuple[Standing, ...]:
-    """Return what stands on the table in a view; what does not, such as the robot, is left out."""
-    things = (
-        stand(located.target, located.outline_px, camera, table_height) for located in view.located
+@dataclass(frozen=True, eq=False)
+class TableView:
+    """What stands on the table in one picture.
+
+    Attributes:
+        image: the picture.
+        things: what stands there.
+        view: the same as located objects, each at the middle of its thing.
+    """
+
+    image: Image
+    things: tuple[Standing, ...]
+    view: View
+
+
+def look_at_table(
+    image: Image, camera: Camera, targets: Iterable[ColourTarget], table_height: float
+) -> TableView:
+    """Find what stands on the table; what does not, such as parts of the robot, is left out.
+
+    Only the colours of the targets are used: how wide and high a thing is follows from where it
+    meets the table.
+
+    Args:
+        image: BGR picture, shape (h, w, 3), uint8.
+        camera: the camera that took it.
+        targets: what to look for.
+        table_height: of the table in the base frame [m].
+    """
+    outlines = [replace(target, shape="flat") for target in targets]
+    pairs = [
+        (thing, _as_located(it, thing, camera, table_height))
+        for it in look(image, camera, outlines).located
+        if (thing := stand(it.target, it.outline_px, camera, table_height)) is not None
+        and _is_a_thing(thing)
+    ]
+    view = View(tuple(located for _, located in pairs), ())
+    return TableView(image, tuple(thing for thing, _ in pairs), view)
+
+
+def _as_located(seen: Located, thing: Standing, camera: Camera, table_height: float) -> Located:
+    p_base = np.array([thing.x, thing.y, table_height + thing.height_m / 2])
+    p_camera = camera.to_camera(p_base)
+    covariance = np.zeros((3, 3))
+    covariance[:2, :2] = thing.covariance
+    covariance[2, 2] = SHAPE_SIGMA_M**2
+    ahead = camera.transform_base_camera[:3, 2]
+    return Located(
+        target=seen.target,
+        box_px=seen.box_px,
+        outline_px=seen.outline_px,
+        depth_m=float(p_camera[2]),
+        depth_sigma_m=float(np.sqrt(ahead @ covariance @ ahead)),
+        p_camera=p_camera,
+        p_base=p_base,
+        covariance_base=covariance,
     )
-    return tuple(thing for thing in things if thing is not None and _is_a_thing(thing))
 
 
 def _is_a_thing(thing: Standing) -> bool:
@@ -46,7 +98,7 @@ class SimulatedEye:
     Attributes:
         ages: how old what was known was, at each control step in which it was asked for [s].
         pictures: how many were taken.
-        latest: the latest picture and what was seen in it; None before the first.
+        first: what was seen first; None before it.
     """
 
     def __init__(
@@ -76,7 +128,7 @@ class SimulatedEye:
         self._known: Sight | None = None
         self.ages: list[float] = []
         self.pictures = 0
-        self.latest: tuple[Image, View] | None = None
+        self.first: TableView | None = None
 
     def sight(self, t: float, looking: bool) -> Sight | None:
         """Return the latest that is known at a time; None for nothing yet.
@@ -87,11 +139,10 @@ class SimulatedEye:
         """
         if looking and t >= self._next - 1e-9:
             self._next = t + self._period
-            picture = self._take()
-            view = look(picture, self._camera, self._targets)
+            seen = look_at_table(self._take(), self._camera, self._targets, self._table)
             self.pictures += 1
-            self.latest = picture, view
-            self._coming.append(Sight(things_in(view, self._camera, self._table), t))
+            self.first = self.first or seen
+            self._coming.append(Sight(seen.things, t))
         while self._coming and self._coming[0].taken_at + self._delay <= t + 1e-9:
             self._known = self._coming.popleft()
         if self._known is not None and looking:

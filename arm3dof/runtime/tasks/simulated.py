@@ -5,7 +5,7 @@ The task gets pictures, joint angles and the gripper's word. The judge alone loo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -106,6 +106,27 @@ class Verdict:
     def misses(self, x: float, y: float) -> float:
         """Return how far it is from a place [m]."""
         return float(np.hypot(self.x - x, self.y - y))
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the physics says of a task.
+
+    Attributes:
+        outcome: how it ended, in a word.
+        yes: whether it was done.
+        sentence: how it ended, in a sentence.
+        figures: what was measured, by name with the unit in it.
+    """
+
+    outcome: str
+    yes: bool
+    sentence: str
+    figures: Mapping[str, object]
+
+
+Judge = Callable[[TaskResult, Mapping[str, Verdict]], Judgement]
+"""Judges a task by what it says of itself and by what became of the bodies."""
 
 
 class SimulatedTask:

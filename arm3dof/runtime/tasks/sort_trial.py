@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,13 @@ from arm3dof.runtime.campaign import Outcome
 from arm3dof.runtime.tasks.goals import Sorting, Tray
 from arm3dof.runtime.tasks.machine import Phase
 from arm3dof.runtime.tasks.run import TaskResult
-from arm3dof.runtime.tasks.simulated import Faults, SimulatedTask, Verdict, task_targets
+from arm3dof.runtime.tasks.simulated import (
+    Faults,
+    Judgement,
+    SimulatedTask,
+    Verdict,
+    task_targets,
+)
 from arm3dof.sim.world import COLOURS, Bin, Region, World, scatter
 from arm3dof.state import JointState
 
@@ -51,7 +57,10 @@ class SortTrial:
         """Set a table, run the task, and judge the objects."""
         robot, world = load_robot("arm3dof"), random_table(rng)
         result, verdicts = self.run(robot, world, rng)
-        return judge(world, result, verdicts)
+        found = judge(world, result, verdicts)
+        figures = {name: float(str(value)) for name, value in found.figures.items()}
+        reason = "" if found.yes else found.sentence
+        return Outcome(reason, figures | {"duration_s": result.duration})
 
     def run(
         self,
@@ -70,9 +79,8 @@ class SortTrial:
         """
         targets = task_targets(tuple(tray.name for tray in world.bins))
         with SimulatedTask(robot, world, targets, rng, faults=self.faults) as scene:
-            goal = Sorting([tray_of(tray) for tray in world.bins], _BELIEVED_MASS)
             seen = None if watch is None else (lambda *it: watch(scene, *it))
-            result = scene.run(goal, time_limit=TIME_LIMIT, watch=seen)
+            result = scene.run(sorting(world), time_limit=TIME_LIMIT, watch=seen)
             return result, {body.name: scene.verdict(body.name) for body in world.bodies}
 
 
@@ -95,25 +103,30 @@ def random_table(rng: np.random.Generator) -> World:
     return World(bodies=bodies, bins=trays, light=light)
 
 
-def judge(world: World, result: TaskResult, verdicts: dict[str, Verdict]) -> Outcome:
+def judge(world: World, result: TaskResult, verdicts: Mapping[str, Verdict]) -> Judgement:
     """Say which objects lie in their bins."""
     trays = {tray.name: tray for tray in world.bins}
-    wrong = []
-    fallen = 0
+    wrong, fallen = [], 0
     for body in world.bodies:
         verdict = verdicts[body.name]
         fallen += not world.on_table(verdict.x, verdict.y)
         if not trays[body.name.split("_")[0]].holds(verdict.x, verdict.y):
             wrong.append(f"{body.name} at ({verdict.x:.2f}, {verdict.y:.2f})")
     told = "" if result.failure is None else f"; {result.failure.sentence}"
-    reason = f"not in its bin: {', '.join(wrong)}{told}" if wrong else ""
+    sentence = "every object is in the bin of its colour"
+    if wrong:
+        sentence = f"not in its bin: {', '.join(wrong)}{told}"
     figures = {
-        "objects": float(len(world.bodies)),
-        "sorted": float(len(world.bodies) - len(wrong)),
-        "fallen": float(fallen),
-        "duration_s": result.duration,
+        "objects_in_all": len(world.bodies),
+        "objects_sorted": len(world.bodies) - len(wrong),
+        "objects_fallen": fallen,
     }
-    return Outcome(reason, figures)
+    return Judgement("not_sorted" if wrong else "sorted", not wrong, sentence, figures)
+
+
+def sorting(world: World) -> Sorting:
+    """Return the goal of sorting a world's objects into its bins."""
+    return Sorting([tray_of(tray) for tray in world.bins], _BELIEVED_MASS)
 
 
 def tray_of(tray: Bin) -> Tray:
