@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from pathlib import Path
 
 import cv2
 import numpy as np
-from ensure_chromium import NAMES
+from headless import IMAGES, browser, opened
 from numpy.typing import NDArray
-from playwright.sync_api import sync_playwright
 
 import arm3dof
 from arm3dof.config.camera_file import load_camera
@@ -18,8 +16,6 @@ from arm3dof.ui.demo import tell
 from arm3dof.ui.demo_scene import draw_demo
 from arm3dof.ui.report import write_replay
 
-IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
-SOFTWARE_GL = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader")
 WIDTH, GAP = 1360, 10  # of the README's picture [px]
 
 Picture = NDArray[np.uint8]
@@ -50,15 +46,10 @@ def main() -> None:
 
 def photograph(page: Path, to: Path) -> Picture:
     """Open a replay in a browser, wait for its end, and return what it shows."""
-    browser = next((path for name in NAMES if (path := shutil.which(name))), None)
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=browser, args=list(SOFTWARE_GL))
-        tab = chromium.new_page(viewport={"width": 1080, "height": 720})
-        tab.goto(page.as_uri(), wait_until="domcontentloaded")
+    with browser() as chromium, opened(chromium, page.as_uri(), 1080, 720) as tab:
         tab.evaluate("() => { player.setPlaying(false); player.seek(player.frames - 1); }")
         tab.wait_for_timeout(4000)  # the page sharpens a picture that stands still
         tab.screenshot(path=to)
-        chromium.close()
     return np.asarray(cv2.imread(str(to)), dtype=np.uint8)
 
 
