@@ -46,7 +46,6 @@ def photograph(table: TableScene, rng: np.random.Generator) -> NDArray[np.uint8]
     ]
     moved = Table(top.height, _at(top.centre, shift), top.half_size)
     plant = MujocoPlant(_arm(), World(moved, tuple(bodies), light=table.exposure))
-    plant.model.light_pos[:, :2] += shift  # shadows are drawn about the lamp's middle
     pose[:2, 3] += shift
     with WorldCamera(
         plant,
