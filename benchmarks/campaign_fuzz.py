@@ -19,7 +19,7 @@ from benchmarks.tables import Table
 
 _TORQUE_TOLERANCE = 1e-9  # [N m]
 _SAME_TORQUE = 1e-6  # [N m]
-_STEPS = 25  # hostile steps that one controller lives through
+_STEPS = 100  # hostile steps that one controller lives through
 
 FORMULATIONS = ("tracking", "torque", "paper")
 VARIANTS = {

@@ -12,6 +12,7 @@ Without noise the filter believes every measurement, as if it were not there.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -104,7 +105,7 @@ class StateEstimator:
             self._learn_from_roughness(readings)
         v = self.v + dt * u
         q = self.q + dt / 2 * (self.v + v)
-        if self.noise.max() < _NEGLIGIBLE:
+        if max(self.noise.tolist()) < _NEGLIGIBLE:
             self.q, self.v = state.q, state.v
             return np.asarray(self._learning / dt * (state.v - v))
         count = 1 if readings is None else len(readings)
@@ -124,7 +125,7 @@ class StateEstimator:
         row = table.edges.searchsorted(scale / self._surprise)
         expected = _SURPRISING * self._surprise[:, np.newaxis] * table.spread[row]
         beyond = ((np.abs(new) - expected) * telling).max(axis=1)
-        if (beyond > self._surprise).any():
+        if any((beyond > self._surprise).tolist()):
             self._surprise = np.maximum(self._surprise, beyond)
             row = table.edges.searchsorted(scale / self._surprise)
         self._surprise = np.maximum(_CALMING * self._surprise, _LEAST_SURPRISE)
@@ -142,12 +143,12 @@ class StateEstimator:
             return None
         self._readings[count - 1] = state.q
         readings = self._readings[:count]
-        return readings if np.isfinite(readings).all() else None
+        return readings if math.isfinite(readings.sum()) else None
 
     def _learn_from_roughness(self, readings: Array) -> None:
         """Learn the noise from how far readings are from a smooth curve through them."""
         rough = _roughness(len(readings)) @ (readings - readings[-1])
-        variance = (rough * rough).sum(axis=0) / (len(readings) - _SMOOTH)
+        variance = np.einsum("ij,ij->j", rough, rough) / (len(readings) - _SMOOTH)
         if self._weight > 0:  # a blow within the sample is rough as well, but only once
             variance = np.minimum(variance, _GROWTH * self._variance + _NEGLIGIBLE**2)
         self._weight = _ROUGHNESS_MEMORY * self._weight + 1.0
