@@ -229,3 +229,24 @@ def test_settings_of_the_new_kind_are_checked():
         MpcController(load_robot("arm3dof"), MpcSettings(torque_rate=-1.0))
     with pytest.raises(InputError, match="settling_time"):
         MpcSettings.tuned(0.0)
+
+
+@pytest.mark.parametrize("noise_deg", [0.0, 0.1])
+def test_an_end_stop_that_was_run_into_is_left_again(robot, noise_deg):
+    target = np.array([robot.limits.q_max[0] - 0.01, 2.4, -0.2])
+    for seed in range(3):
+        truth = perturbed(robot, 30, rng=np.random.default_rng(seed))
+        inner = PinocchioPlant(truth, 0.002, end_stops=True)
+        plant = DisturbedPlant(
+            inner,
+            # leans on the stop for a while, as hard as its motor can
+            wrenches=[JointTorque(0.8, "joint1", 1.5, 0.3)],
+            noise=np.deg2rad(noise_deg),
+            rng=np.random.default_rng(seed),
+        )
+        plant.reset(JointState(0.0, np.array([0.5, 2.0, 0.5]), np.zeros(3)))
+        recording = run_loop(plant, MpcController(robot), target, 3.0)
+        assert (recording.q[:, 0] == robot.limits.q_max[0]).any()
+        metrics = summarise(recording)
+        assert metrics.settled
+        assert metrics.settling_time < 1.1 + 1.2

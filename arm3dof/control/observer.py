@@ -20,6 +20,9 @@ from arm3dof.state import Array, JointState
 _JUMP = 0.05  # [rad]: a position this far from where the velocities lead has jumped
 _JUMP_NOISE = 6.0  # and so many standard deviations of its noise farther
 
+_STOP = 1e-3  # [rad]: a joint this near the end of its range may lean on its stop
+_GIVEN_UP = 0.7  # share of a disturbance that is left after a step on a stop
+
 _MOST_UNEXPLAINED = 3.0  # torque that may come from outside, in multiples of the joint's own
 
 
@@ -49,6 +52,7 @@ class Observer:
                 believe every measurement.
         """
         self._robot, self._dt, self._gain = robot, dt, gain
+        self._q_min, self._q_max = robot.limits.q_min, robot.limits.q_max
         self._whole = int(delay / dt + 1e-9)
         self._part = max(delay - self._whole * dt, 0.0)
         self.estimator = LoadEstimator(robot)
@@ -132,12 +136,32 @@ class Observer:
         if (np.abs(unexplained) > _MOST_UNEXPLAINED * limit).any():
             self.jumped = True  # no load or push does this: the measurements do not belong together
             return False
-        self.estimator.learn()
         explained = self.estimator.explained()
         surprise = unexplained - explained + self.disturbance
-        taught = self.estimator.teach(self._robot)
+        if self._leans(q, acceleration, surprise):
+            taught = False
+        else:
+            self.estimator.learn()
+            taught = self.estimator.teach(self._robot)
         # what load and masses explain from now on is no longer a disturbance, and the reverse
         moved = self.estimator.explained() - explained
         learned = self.disturbance + moved - self._gain * surprise
         self.disturbance = np.minimum(np.maximum(learned, -limit), limit)
         return taught
+
+    def _leans(self, q: Array, acceleration: Array, surprise: Array) -> bool:
+        """Whether a joint leans on its end stop; if so, forget what the stop does to it.
+
+        A stop holds against whatever torque there is. Taken for a disturbance, it would be pushed
+        against ever harder. And a disturbance that was learned on the way there, and cannot be
+        unlearned where nothing moves, is given up while the joint should leave.
+        """
+        near = _STOP + self.filter.noise
+        end = np.where(q >= self._q_max - near, 1.0, 0.0) - (q <= self._q_min + near)
+        if not any(end.tolist()):
+            return False
+        held = end * surprise > 0
+        surprise[held] = 0.0
+        leaving = (end * acceleration < 0) & (end * self.disturbance < 0)
+        self.disturbance = np.where(leaving, _GIVEN_UP * self.disturbance, self.disturbance)
+        return bool(held.any())
