@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -152,6 +153,13 @@ def test_taking_a_picture_changes_nothing_in_the_world(coins):
     np.testing.assert_array_equal(coins.data.qpos, before)
     assert first.shape == (HEIGHT, WIDTH, 3)
     assert first.dtype == np.uint8
+
+
+def test_a_camera_belongs_to_its_thread(coins):
+    with WorldCamera(coins, MATRIX, POSE, WIDTH, HEIGHT) as camera, ThreadPoolExecutor() as other:
+        with pytest.raises(InputError, match="made in another thread; make one in the thread"):
+            other.submit(camera.take).result()
+        assert camera.take().std() > 10
 
 
 @pytest.mark.parametrize(

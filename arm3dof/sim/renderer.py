@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import os
 import sys
+import threading
 from functools import lru_cache
 from importlib import import_module
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arm3dof.errors import ArmError
+from arm3dof.errors import ArmError, InputError
 from arm3dof.sim.engine import mujoco
 from arm3dof.state import Array
 
@@ -49,7 +50,7 @@ class Renderer:
             shadows: width of the map that shadows are made with [px]; 0 for none.
             samples: places at which a pixel is drawn; 0 for its middle alone.
         """
-        self._model = model
+        self._model, self._thread = model, threading.get_ident()
         self._context = backend()[1](width, height)
         self._context.make_current()
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
@@ -75,7 +76,14 @@ class Renderer:
             data: the world's state, its kinematics computed.
             camera_matrix: intrinsics, shape (3, 3) [px]; the middle of the first pixel is (0, 0).
             transform_base_camera: pose of the optical frame, shape (4, 4).
+
+        Raises:
+            InputError: another thread made the renderer.
         """
+        if threading.get_ident() != self._thread:
+            raise InputError(
+                "the camera was made in another thread; make one in the thread that takes pictures"
+            )
         self._context.make_current()
         mujoco.mjv_updateScene(
             self._model,

@@ -108,7 +108,11 @@ class WorldCamera:
         self._renderer.close()
 
     def take(self) -> Image:
-        """Take a picture of the present moment, BGR, shape (height, width, 3), uint8."""
+        """Take a picture of the present moment, BGR, shape (height, width, 3), uint8.
+
+        Raises:
+            InputError: another thread than the one that made the camera asks.
+        """
         picture = self._straight()
         if self._lens is not None:
             picture = self._lens.bend(picture)
