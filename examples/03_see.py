@@ -28,8 +28,8 @@ for patch in view.refused:
     print(f"{patch.target:7} box {patch.box_px} is not measured: {patch.reason.value}")
 
 # A target is a colour and a true width; red's hues wrap around 0.
-red = ColourTarget("box", HsvRange((172, 120, 40), (6, 255, 255)), width_m=0.034)
-print("the red box:", [seen.p_base.round(3) for seen in look(picture, camera, [red]).located])
+red = ColourTarget("red", HsvRange((172, 120, 40), (6, 255, 255)), width_m=0.030)
+print("the red thing:", [seen.p_base.round(3) for seen in look(picture, camera, [red]).located])
 
 # The focal length comes from one picture of a known object, F = P D / W.
 print("focal length:", focal_length(width_px=72.0, distance_m=0.25, width_m=0.03), "px")

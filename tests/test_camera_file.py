@@ -7,9 +7,11 @@ from arm3dof.config.camera_file import (
     presets,
     render_camera,
     save_camera,
+    update_camera,
 )
+from arm3dof.config.toml_edit import set_keys
 from arm3dof.errors import InputError, MissingFile
-from arm3dof.vision.camera import Camera, intrinsics, look_at
+from arm3dof.vision.camera import Camera, Doubt, intrinsics, look_at
 from arm3dof.vision.colour import ColourTarget, HsvRange
 
 HEAD = """
@@ -195,5 +197,95 @@ def test_what_cannot_be_saved_is_refused_and_leaves_nothing(tmp_path):
         save_camera(tmp_path / "it.toml", Camera(640, 480, matrix, np.zeros(0), np.eye(4)))
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "file").write_text("x")
-    with pytest.raises(InputError, match="cannot write"):
+    with pytest.raises(InputError, match="cannot be written"):
         save_camera(tmp_path / "file" / "it.toml", camera)
+
+
+# ---- changing a file in place -------------------------------------------------------------------
+
+NOTED = """# our camera
+[intrinsics]        # from the data sheet
+width = 640
+height = 480
+fx = 600  # a guess
+# cy is left out
+
+[pose]
+position_m = [0.1, 0.125, 0.08]
+look_at_m = [0.17, -0.05, -0.09]  # the table
+
+[targets.red]
+hsv_low = [170, 120, 40] # wraps
+hsv_high = [
+    6, 255,  # [sic]
+    255,
+]
+width_m = 0.03
+# the end
+"""
+
+
+def test_a_target_is_added_or_replaced_and_comments_stay(tmp_path):
+    path = tmp_path / "it.toml"
+    path.write_text(NOTED)
+    green = ColourTarget("green", HsvRange((45, 90, 30), (85, 255, 255)), 0.02, "cube")
+    red = ColourTarget("red", HsvRange((172, 100, 30), (4, 255, 255)), 0.05, "ball", 0.001)
+    update_camera(path, target=green)
+    update_camera(path, target=red)
+    text = path.read_text()
+    camera, targets = load_camera(path)
+    assert targets == {"red": red, "green": green}
+    assert camera.focal_px == (600, 600)
+    for note in ("# our camera", "# from the data sheet", "# a guess", "# wraps", "# the end"):
+        assert note in text
+    assert "look_at_m = [0.17, -0.05, -0.09]  # the table" in text
+    update_camera(path, target=red)
+    assert path.read_text() == text
+
+
+def test_a_camera_is_changed_and_comments_stay(tmp_path):
+    path = tmp_path / "it.toml"
+    path.write_text(NOTED)
+    pose = look_at([0.2, 0.3, 0.4], [0, 0, 0])
+    doubt = Doubt(2.0, 1.5, 0.003, 0.01)
+    camera = Camera(640, 480, intrinsics(611, 612, 318, 241), np.full(5, 0.1), pose, 2.2, doubt)
+    update_camera(path, camera=camera)
+    read, targets = load_camera(path)
+    np.testing.assert_allclose(read.transform_base_camera, pose, atol=1e-12)
+    assert np.array_equal(read.camera_matrix, camera.camera_matrix)
+    assert read.doubt.focal_px == 2.0
+    assert read.doubt.rotation_rad == pytest.approx(0.01)
+    assert read.gamma == 2.2
+    assert set(targets) == {"red"}
+    text = path.read_text()
+    assert "# a guess" in text
+    assert "look_at_m" not in text
+    again = Camera.pinhole(640, 480, 500, pose)
+    update_camera(path, camera=again)
+    assert load_camera(path).camera.focal_px == (500, 500)
+
+
+def test_what_cannot_be_changed_in_place_is_left_alone(tmp_path, monkeypatch):
+    path = tmp_path / "it.toml"
+    text = "pose = {position_m = [0, 0, 1], look_at_m = [0, 1, 0]}\n" + NOTED.split("[pose]")[0]
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"TOML|changed in place"):
+        update_camera(path, camera=Camera.pinhole(640, 480, 500))
+    assert path.read_text() == text
+    with pytest.raises(MissingFile):
+        update_camera(tmp_path / "no.toml", camera=Camera.pinhole(640, 480, 500))
+    monkeypatch.chdir(tmp_path)
+    green = ColourTarget("lime", HsvRange((45, 90, 30), (85, 255, 255)), 0.02)
+    assert str(update_camera("desk", target=green)) == "desk.toml"
+    assert {"lime", "red"} <= set(load_camera("desk.toml").targets)
+    with pytest.raises(InputError, match=r"desk.toml exists already; .*--camera desk.toml"):
+        update_camera("desk", target=green)
+
+
+def test_keys_of_any_layout_are_found():
+    text = "a = 1\n[b]\nx = [ # [\n 1,\n '#]',\n]\ny = 2\n\n# c\n[ d ]\nz=3"
+    assert set_keys(text, "b", {"x": "5"}).count("\n") == text.count("\n") - 2
+    assert "[ d ]\nz=3\nw = 1\n" in set_keys(text, "d", {"w": "1"})
+    assert "y = 2\nv = 0\n\n# c\n[ d ]" in set_keys(text, "b", {"v": "0"})
+    assert set_keys("", "e", {"k": "1"}) == "[e]\nk = 1\n"
+    assert set_keys(text, "b", {}, drop=["x"]).startswith("a = 1\n[b]\ny = 2\n")

@@ -68,7 +68,7 @@ def test_solids_are_placed_where_they_stand_and_the_covariance_is_honest(shape):
         found = place(lines_of_sight(points), shape, width, PIXEL, up, 0.0)
         assert found.p_camera == pytest.approx(state[:3], abs=0.012 * state[2])
         miss = found.p_camera - state[:3]
-        squares.append(miss @ np.linalg.solve(found.covariance[:3, :3], miss))
+        squares.append(miss @ np.linalg.solve(found.noise[:3, :3], miss))
         low = min(float((body @ up).min()) for body, _ in solid(state))
         if shape != "ball":
             assert found.foot == pytest.approx(low, abs=0.006)

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from arm3dof.cli import (
+    calibrate,
     campaign,
     campaign_tasks,
     compare,
@@ -63,7 +64,7 @@ app.command()(studio.studio)
 app.command("report")(report.report_run)
 app.command()(robots.check)
 app.command("robots")(robots.robots)
-app.add_typer(see.calibrate, name="calibrate")
+app.add_typer(calibrate.calibrate, name="calibrate")
 campaign.campaign.command()(campaign_tasks.grasp)
 campaign.campaign.command()(campaign_tasks.sort)
 app.add_typer(campaign.campaign, name="campaign")

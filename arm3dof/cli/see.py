@@ -1,8 +1,10 @@
-"""``arm3dof see`` and ``arm3dof calibrate``: what a picture shows, and what its camera is."""
+"""``arm3dof see``: what a picture shows and where, and colours learned from it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,10 +18,8 @@ from arm3dof.errors import InputError
 from arm3dof.ui.summary import view_report
 
 if TYPE_CHECKING:  # OpenCV loads only where a picture is looked at
-    from arm3dof.vision.colour import ColourTarget, HsvRange
+    from arm3dof.vision.colour import ColourTarget, HsvRange, Image, Shape
     from arm3dof.vision.locate import View
-
-calibrate = typer.Typer(help="Measure a camera.", no_args_is_help=True)
 
 Picture = Annotated[Path, typer.Argument(metavar="IMAGE", help="A picture file.")]
 CameraName = Annotated[
@@ -61,12 +61,63 @@ WidthM = Annotated[
 ]
 
 
+Learn = Annotated[
+    str | None,
+    typer.Option(
+        metavar="U,V[,W,H]",
+        help="Learn the colour of the thing at this point, or in this box, and look for it. "
+        "With --width-m.",
+        show_default=False,
+    ),
+]
+ShapeName = Annotated[
+    str | None,
+    typer.Option(
+        "--shape",
+        metavar="SHAPE",
+        help="What --hsv or --learn describes: flat, ball, cylinder, cube or bottle.",
+        show_default=False,
+    ),
+]
+
+
 def see(
-    image: Picture,
+    image: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A picture; or the first of a folder, a video, the number of a camera device or "
+            "the http:// address of an MJPEG stream.",
+        ),
+    ],
     camera: CameraName = None,
     target: TargetNames = None,
     hsv: Hsv = None,
     width_m: WidthM = None,
+    shape: ShapeName = None,
+    learn: Learn = None,
+    save: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Keep what was learned in the camera's file, as the target of this name.",
+            show_default=False,
+        ),
+    ] = None,
+    table_m: Annotated[
+        float | None,
+        typer.Option(
+            "--table-m",
+            metavar="Z",
+            help="Height of the table on which things stand, in the base frame: makes places more "
+            "certain.",
+            show_default=False,
+        ),
+    ] = None,
+    limit_mm: Annotated[
+        float,
+        typer.Option(metavar="S", min=0.001, help="Sigma up to which a place is good enough."),
+    ] = 8.0,
     annotated: Annotated[
         Path | None,
         typer.Option(
@@ -78,79 +129,97 @@ def see(
     ] = None,
     as_json: JsonFlag = False,
 ) -> int:
-    """Find coloured objects in a picture and say where they are.
+    """Find coloured objects in a picture and say where they are, and how certain that is.
 
-    Without --target and --hsv it looks for every target of the camera's file. The answer is no
-    when nothing is found.
+    Without --target, --hsv and --learn it looks for every target of the camera's file. The answer
+    is no when nothing is found; then nothing is saved.
     """
-    from arm3dof.config.camera_file import load_camera
+    from arm3dof.config.camera_file import load_camera, update_camera
     from arm3dof.vision.annotate import annotate
+    from arm3dof.vision.budget import Table
     from arm3dof.vision.locate import look
-    from arm3dof.vision.sources import read_image, write_image
+    from arm3dof.vision.sources import write_image
 
     if camera is None:
         raise InputError("no camera: give --camera with a CAMERA.toml, or a preset (paper, desk)")
+    if save is not None and learn is None:
+        raise InputError("--save keeps what --learn has learned; give --learn U,V too")
     setup = load_camera(camera)
-    targets = wanted(setup.targets, camera, target, hsv, width_m)
-    picture = read_image(image)
-    view = look(picture, setup.camera, targets)
-    if annotated is not None:
-        write_image(annotated, annotate(picture, view))
-
-    def show(console: Console) -> None:
-        show_view(console, view)
-        if annotated is not None:
-            console.print(f"[dim]wrote[/] {escape(str(annotated))}")
-
-    seen = bool(view.located)
-    return output.deliver(view_report(view), as_json=as_json, show=show, yes=seen)
-
-
-@calibrate.command()
-def focal(
-    image: Picture,
-    distance_m: Annotated[
-        float,
-        typer.Option(metavar="D", help="Distance from the lens to the object, in metres."),
-    ],
-    width_m: Annotated[
-        float, typer.Option(metavar="W", help="True width of the object, in metres.")
-    ],
-    hsv: Hsv = None,
-    as_json: JsonFlag = False,
-) -> int:
-    """Measure the focal length from a picture of a flat object of known width and distance.
-
-    Without --hsv the most conspicuous object is taken. The answer is no when none is found.
-    """
-    from arm3dof.vision.guess import guess_colour
-    from arm3dof.vision.locate import focal_from_picture
-    from arm3dof.vision.sources import read_image
-
-    picture = read_image(image)
-    colour = guess_colour(picture) if hsv is None else read_hsv(hsv)
-    found = None
-    if colour is not None:
-        found = focal_from_picture(picture, colour, distance_m, width_m)
-    report: dict[str, object] = {"focal_px": None}
-    if found is not None:
-        report = {
-            "focal_px": found.focal_px,
-            "sigma_px": found.sigma_px,
-            "width_px": found.width_px,
-            "box_px": found.box_px,
+    picture = _first_picture(image)
+    if learn is None:
+        targets = wanted(setup.targets, camera, target, hsv, width_m, shape)
+    else:
+        known = setup.targets.get(save or "")
+        targets = [_learned(picture, learn, save, width_m, shape, known, (target, hsv))]
+    table = None if table_m is None else Table(table_m)
+    view = look(picture, setup.camera, targets, table=table)
+    report = view_report(view, limit_mm / 1000)
+    if learn is not None:
+        report["learned"] = {
+            "name": targets[0].name,
+            "hsv_low": targets[0].hsv.low,
+            "hsv_high": targets[0].hsv.high,
         }
+    written = [] if annotated is None else [write_image(annotated, annotate(picture, view))]
+    if save is not None and view.located:
+        written.append(update_camera(camera, target=targets[0]))
 
     def show(console: Console) -> None:
-        if found is None:
-            console.print("[red]no whole object of that colour is in the picture[/]")
-            return
-        console.print(
-            f"focal length [green]{found.focal_px:.1f} px[/], give or take {found.sigma_px:.1f}; "
-            f"the object is {found.width_px:.1f} px wide"
-        )
+        if learn is not None:
+            low, high = (",".join(map(str, it)) for it in (targets[0].hsv.low, targets[0].hsv.high))
+            console.print(f"learned [green]--hsv {low},{high}[/]")
+        show_view(console, view)
+        show_verdicts(console, view, limit_mm / 1000)
+        for path in written:
+            console.print(f"[dim]wrote[/] {escape(str(path))}")
 
-    return output.deliver(report, as_json=as_json, show=show, yes=found is not None)
+    return output.deliver(report, as_json=as_json, show=show, yes=bool(view.located))
+
+
+def _first_picture(source: str) -> Image:
+    """Take the first picture of a source."""
+    from arm3dof.vision.sources import VIDEO_SUFFIXES, frames, is_stream, read_image
+
+    if source.isdecimal() and not Path(source).exists():
+        pictures = frames(int(source))
+    elif is_stream(source) or Path(source).is_dir():
+        pictures = frames(source)
+    elif Path(source).suffix.lower() in VIDEO_SUFFIXES:
+        pictures = frames(Path(source))
+    else:
+        return read_image(source)
+    with closing(pictures):
+        for frame in pictures:
+            return frame.image
+    raise InputError(f"{source} gives no pictures")
+
+
+def _learned(
+    picture: Image,
+    place: str,
+    name: str | None,
+    width_m: float | None,
+    shape: str | None,
+    known: ColourTarget | None,
+    others: tuple[object, ...],
+) -> ColourTarget:
+    """Return the target that a place in the picture shows.
+
+    Width and shape are those of the target that is replaced, where they are not given.
+    """
+    from arm3dof.vision.colour import ColourTarget
+    from arm3dof.vision.learn import learn_colour
+
+    if any(others):
+        raise InputError("--learn is given with --target or --hsv; give one of them")
+    if width_m is None and known is None:
+        raise InputError("--learn needs --width-m, the true width of the object in metres")
+    spot = [int(it) for it in numbers(place, len(place.split(",")), "--learn")]
+    colour = learn_colour(picture, spot).hsv
+    if known is None:
+        return ColourTarget(name or "learned", colour, width_m or 0, checked_shape(shape))
+    kept = known.shape if shape is None else checked_shape(shape)
+    return replace(known, hsv=colour, width_m=width_m or known.width_m, shape=kept)
 
 
 def wanted(
@@ -159,6 +228,7 @@ def wanted(
     names: Sequence[str] | None,
     hsv: str | None,
     width_m: float | None,
+    shape: str | None = None,
 ) -> list[ColourTarget]:
     """Return the targets that the options ask for, or all that the camera's file has.
 
@@ -172,11 +242,10 @@ def wanted(
             raise InputError("--target and --hsv are both given; give one of them")
         if width_m is None:
             raise InputError("--hsv needs --width-m, the true width of the object in metres")
-        return [ColourTarget("object", read_hsv(hsv), width_m)]
-    if width_m is not None:
-        raise InputError(
-            "--width-m belongs to --hsv; a --target has its width in the camera's file"
-        )
+        return [ColourTarget("object", read_hsv(hsv), width_m, checked_shape(shape))]
+    if width_m is not None or shape is not None:
+        option = "--width-m" if shape is None else "--shape"
+        raise InputError(f"{option} belongs to --hsv; a --target has its own in the camera's file")
     for name in names or ():
         if name not in known:
             have = ", ".join(known) or "none"
@@ -185,6 +254,20 @@ def wanted(
     if not targets:
         raise InputError(f"{source} has no targets; give --hsv and --width-m, or add some to it")
     return targets
+
+
+def checked_shape(name: str | None) -> Shape:
+    """Return a shape by its name; flat without one.
+
+    Raises:
+        InputError: there is no such shape.
+    """
+    from arm3dof.vision.colour import SHAPES
+
+    for shape in SHAPES:
+        if shape == (name or "flat"):
+            return shape
+    raise InputError(f"--shape is '{name}'; give one of: {', '.join(SHAPES)}")
 
 
 def read_hsv(text: str) -> HsvRange:
@@ -218,3 +301,18 @@ def show_view(console: Console, view: View) -> None:
         console.print("[red]nothing found[/]")
     for patch in view.refused:
         console.print(f"[yellow]not measured[/] {escape(patch.target)}: {patch.reason.value}")
+
+
+def show_verdicts(console: Console, view: View, limit_m: float) -> None:
+    """Print what makes each place uncertain, and what would help where it is too uncertain."""
+    for it in view.located:
+        verdict = it.judge(limit_m)
+        parts = ", ".join(
+            f"{cause.name.lower()} {1000 * sigma:.2f}"
+            for cause, sigma in verdict.by_cause.items()
+            if sigma > 0
+        )
+        colour = "green" if verdict.good else "red"
+        console.print(
+            f"  {escape(it.target)}: [{colour}]{verdict.sentence}[/] [dim]({parts} mm)[/]"
+        )

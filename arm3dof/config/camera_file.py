@@ -7,11 +7,11 @@ Everything in the file is in metres and pixels; hues are in OpenCV's half degree
 from __future__ import annotations
 
 import json
-import os
+import math
 import re
-import tempfile
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -20,12 +20,15 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from arm3dof.config.explain import explain
+from arm3dof.config.toml_edit import set_keys
 from arm3dof.errors import InputError, MissingFile
-from arm3dof.vision.camera import Camera, intrinsics, look_at
+from arm3dof.files import write_atomically
+from arm3dof.vision.camera import Camera, Doubt, intrinsics, look_at
 from arm3dof.vision.colour import ColourTarget, HsvRange, Shape
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]
 Hsv = tuple[int, int, int]
 
@@ -56,12 +59,17 @@ class _Intrinsics(_Table):
     cx: Finite | None = None
     cy: Finite | None = None
     distortion: tuple[Finite, ...] = ()
+    gamma: Positive | None = None
+    focal_sigma_px: NotNegative = 0.0
+    centre_sigma_px: NotNegative = 0.0
 
 
 class _Pose(_Table):
     position_m: Point
     rotation: tuple[Point, Point, Point] | None = None
     look_at_m: Point | None = None
+    position_sigma_m: NotNegative = 0.0
+    rotation_sigma_deg: NotNegative = 0.0
 
 
 class _Target(_Table):
@@ -69,7 +77,7 @@ class _Target(_Table):
     hsv_high: Hsv
     width_m: Positive
     shape: Shape = "flat"
-    width_sigma_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    width_sigma_m: NotNegative = 0.0
 
 
 class _File(_Table):
@@ -99,8 +107,7 @@ def load_camera(source: str | Path) -> CameraFile:
         InputError: the file is not TOML, or a key is missing, unknown or out of range.
     """
     if str(source) in presets():
-        text = (resources.files("arm3dof.config") / "cameras" / f"{source}.toml").read_text("utf-8")
-        return parse_camera(text, f"camera preset '{source}'")
+        return parse_camera(_preset(str(source)), f"camera preset '{source}'")
     path = Path(source)
     try:
         text = path.read_text("utf-8")
@@ -154,57 +161,132 @@ def save_camera(
         InputError: a target's name is no bare TOML key, or the file cannot be written.
     """
     path = Path(path)
-    named = targets.values() if isinstance(targets, Mapping) else targets
-    text = render_camera(camera, named)
+    text = render_camera(camera, targets)
     parse_camera(text, str(path))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(draft).chmod(0o644)
-        Path(draft).replace(path)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise InputError(f"cannot write {path}: {reason}; give a place to write to") from None
+    write_atomically(path, text.encode())
     return path
 
 
-def render_camera(camera: Camera, targets: Iterable[ColourTarget] = ()) -> str:
+def update_camera(
+    path: str | Path, *, camera: Camera | None = None, target: ColourTarget | None = None
+) -> Path:
+    """Change a CAMERA.toml in place; its comments and what is not changed stay.
+
+    Args:
+        path: the file, or the name of a preset: then a copy of it is made in the working folder.
+        camera: the camera that it is to hold.
+        target: a target to add, or to replace by its name.
+
+    Returns:
+        The path that was written.
+
+    Raises:
+        MissingFile: there is no such file and no such preset.
+        InputError: the file cannot be read, changed in place or written, a preset's copy exists
+            already, or the target's name is no bare TOML key.
+    """
+    text, path = _text_to_change(path)
+    before = parse_camera(text, str(path))
+    wanted = before._replace(
+        camera=camera or before.camera,
+        targets=before.targets | ({} if target is None else {target.name: target}),
+    )
+    if camera is not None:
+        inner, pose = _camera_tables(camera)
+        text = set_keys(text, "intrinsics", inner, drop=set(_Intrinsics.model_fields) - set(inner))
+        text = set_keys(text, "pose", pose, drop=set(_Pose.model_fields) - set(pose))
+    if target is not None:
+        text = set_keys(text, f"targets.{_key(target.name)}", _target_table(target))
+    after = parse_camera(text, str(path))
+    if after.targets != wanted.targets or not _alike(after.camera, wanted.camera):
+        raise InputError(
+            f"{path} cannot be changed in place; write each table under its own [header], or let "
+            "save_camera write it anew"
+        )
+    write_atomically(path, text.encode())
+    return path
+
+
+def _alike(first: Camera, second: Camera) -> bool:
+    """Whether two cameras are the same but for rounding."""
+    tables = [
+        tomllib.loads(render_camera(replace(it, transform_base_camera=np.eye(4))))
+        for it in (first, second)
+    ]
+    poses = first.transform_base_camera, second.transform_base_camera
+    return tables[0] == tables[1] and np.allclose(*poses, rtol=0, atol=1e-12)
+
+
+def _text_to_change(source: str | Path) -> tuple[str, Path]:
+    if str(source) in presets():
+        copy = Path(f"{source}.toml")
+        if copy.exists():
+            raise InputError(f"{copy} exists already; give it as the camera, --camera {copy}")
+        return _preset(str(source)), copy
+    path = Path(source)
+    load_camera(path)  # says what is wrong with it
+    return path.read_text("utf-8"), path
+
+
+def _preset(name: str) -> str:
+    return (resources.files("arm3dof.config") / "cameras" / f"{name}.toml").read_text("utf-8")
+
+
+def render_camera(
+    camera: Camera, targets: Mapping[str, ColourTarget] | Iterable[ColourTarget] = ()
+) -> str:
     """Return the text of a CAMERA.toml."""
-    matrix, pose = camera.camera_matrix, camera.transform_base_camera
+    inner, pose = _camera_tables(camera)
+    named = targets.values() if isinstance(targets, Mapping) else targets
+    tables = {"intrinsics": inner, "pose": pose} | {
+        f"targets.{_key(target.name)}": _target_table(target) for target in named
+    }
+    parts = (
+        "\n".join([f"[{name}]", *(f"{key} = {value}" for key, value in table.items())])
+        for name, table in tables.items()
+    )
+    return "\n\n".join(parts) + "\n"
+
+
+def _camera_tables(camera: Camera) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the keys of [intrinsics] and [pose], as TOML writes their values."""
+    matrix, pose, doubt = camera.camera_matrix, camera.transform_base_camera, camera.doubt
     if matrix[0, 1] != 0:
         raise InputError(
             f"the camera's pixels are skewed ({matrix[0, 1]}), which a CAMERA.toml cannot say; "
             "give a camera_matrix without skew"
         )
-    lines = [
-        "[intrinsics]",
-        f"width = {camera.width}",
-        f"height = {camera.height}",
-        f"fx = {float(matrix[0, 0])!r}",
-        f"fy = {float(matrix[1, 1])!r}",
-        f"cx = {float(matrix[0, 2])!r}",
-        f"cy = {float(matrix[1, 2])!r}",
-        f"distortion = {camera.distortion.tolist()}",
-        "",
-        "[pose]",
-        f"position_m = {pose[:3, 3].tolist()}",
-        "rotation = [",
-        *(f"    {row}," for row in pose[:3, :3].tolist()),
-        "]",
-    ]
-    for target in targets:
-        lines += [
-            "",
-            f"[targets.{_key(target.name)}]",
-            f"hsv_low = {list(target.hsv.low)}",
-            f"hsv_high = {list(target.hsv.high)}",
-            f"width_m = {float(target.width_m)!r}",
-            f'shape = "{target.shape}"',
-            f"width_sigma_m = {float(target.width_sigma_m)!r}",
-        ]
-    return "\n".join(lines) + "\n"
+    inner = {
+        "width": str(camera.width),
+        "height": str(camera.height),
+        "fx": repr(float(matrix[0, 0])),
+        "fy": repr(float(matrix[1, 1])),
+        "cx": repr(float(matrix[0, 2])),
+        "cy": repr(float(matrix[1, 2])),
+        "distortion": str(camera.distortion.tolist()),
+    }
+    if camera.gamma is not None:
+        inner["gamma"] = repr(float(camera.gamma))
+    inner |= _said(focal_sigma_px=doubt.focal_px, centre_sigma_px=doubt.centre_px)
+    rows = "".join(f"    {row},\n" for row in pose[:3, :3].tolist())
+    placed = {"position_m": str(pose[:3, 3].tolist()), "rotation": f"[\n{rows}]"}
+    degrees = round(math.degrees(doubt.rotation_rad), 9)
+    return inner, placed | _said(position_sigma_m=doubt.position_m, rotation_sigma_deg=degrees)
+
+
+def _said(**sigmas: float) -> dict[str, str]:
+    """Return the deviations that are not 0."""
+    return {name: repr(float(value)) for name, value in sigmas.items() if value != 0}
+
+
+def _target_table(target: ColourTarget) -> dict[str, str]:
+    return {
+        "hsv_low": str(list(target.hsv.low)),
+        "hsv_high": str(list(target.hsv.high)),
+        "width_m": repr(float(target.width_m)),
+        "shape": f'"{target.shape}"',
+        "width_sigma_m": repr(float(target.width_sigma_m)),
+    }
 
 
 def _key(name: str) -> str:
@@ -230,7 +312,21 @@ def _camera(name: str, file: _File) -> Camera:
             transform = np.eye(4)
             transform[:3, :3] = pose.rotation
             transform[:3, 3] = pose.position_m
-        return Camera(inner.width, inner.height, matrix, np.array(inner.distortion), transform)
+        doubt = Doubt(
+            inner.focal_sigma_px,
+            inner.centre_sigma_px,
+            pose.position_sigma_m,
+            math.radians(pose.rotation_sigma_deg),
+        )
+        return Camera(
+            inner.width,
+            inner.height,
+            matrix,
+            np.array(inner.distortion),
+            transform,
+            inner.gamma,
+            doubt,
+        )
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
 

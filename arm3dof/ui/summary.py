@@ -52,8 +52,14 @@ def run_report(metrics: Metrics | None, files: Iterable[Path] = ()) -> dict[str,
     return {"settled": settled, **figures, "files": [str(file) for file in files]}
 
 
-def view_report(view: View) -> dict[str, object]:
-    """Return what was seen in a picture, with the unit in every name."""
+def view_report(view: View, limit_m: float = 0.008) -> dict[str, object]:
+    """Return what was seen in a picture, with the unit in every name.
+
+    Args:
+        view: what was seen.
+        limit_m: the sigma up to which a place is certain enough [m].
+    """
+    verdicts = [it.judge(limit_m) for it in view.located]
     return {
         "found": bool(view.located),
         "objects": [
@@ -65,8 +71,13 @@ def view_report(view: View) -> dict[str, object]:
                 "p_camera_m": it.p_camera,
                 "p_base_m": it.p_base,
                 "sigma_m": it.sigma_m,
+                "certain": verdict.good,
+                "budget_m": {
+                    cause.name.lower(): sigma for cause, sigma in verdict.by_cause.items()
+                },
+                "verdict": verdict.sentence,
             }
-            for it in view.located
+            for it, verdict in zip(view.located, verdicts, strict=True)
         ],
         "refused": [
             {"target": it.target, "box_px": it.box_px, "reason": it.reason} for it in view.refused

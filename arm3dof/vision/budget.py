@@ -26,6 +26,7 @@ _WORTH_SAYING = 0.25  # a cause of this share of the variance is named
 class Cause(enum.Enum):
     """What makes a point uncertain; the value is the cure."""
 
+    NOISE = "use more light"
     EDGE = "move the camera nearer"
     WIDTH = "measure the object's width"
     LENS = "calibrate the focal length"
@@ -88,7 +89,8 @@ def causes(placement: Placement, camera: Camera, relative_width: float) -> dict[
     lens = np.diag([doubt.centre_px, doubt.centre_px, doubt.focal_px]) * depth / focal
     turned = doubt.rotation_rad**2 * (p @ p * np.eye(3) - np.outer(p, p))
     return {
-        Cause.EDGE: placement.covariance,
+        Cause.NOISE: placement.noise,
+        Cause.EDGE: placement.light,
         Cause.WIDTH: np.outer(grown, grown),
         Cause.LENS: rigid @ lens**2 @ rigid.T,
         Cause.POSE: rigid @ (turned + doubt.position_m**2 * np.eye(3)) @ rigid.T,

@@ -21,6 +21,7 @@ Image = NDArray[np.uint8]
 Planes = Sequence[Image]
 """Hue, saturation and value of a picture, each of shape (h, w)."""
 Shape = Literal["flat", "ball", "cylinder", "cube", "bottle"]
+SHAPES: tuple[Shape, ...] = get_args(Shape)
 
 # half the width of a streak, as a share of the square root of a patch's area
 _STREAK = 0.035
@@ -128,10 +129,9 @@ class ColourTarget:
             raise InputError(
                 f"width_sigma_m of '{self.name}' is {self.width_sigma_m}; give metres, 0 or more"
             )
-        if self.shape not in get_args(Shape):
+        if self.shape not in SHAPES:
             raise InputError(
-                f"shape of '{self.name}' is '{self.shape}'; give one of: "
-                + ", ".join(get_args(Shape))
+                f"shape of '{self.name}' is '{self.shape}'; give one of: " + ", ".join(SHAPES)
             )
 
 

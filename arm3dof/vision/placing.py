@@ -23,8 +23,9 @@ from arm3dof.vision.silhouette import Fit, Solid
 LEAST_PX = 3.0
 """What is narrower cannot be measured [px]."""
 
-# points of an outline further than this from the silhouette are another thing's [px], [width]
-_STRAY_PX, _STRAY_SHARE = 1.2, 0.03
+# points of an outline further than this from the silhouette are another thing's: a share of the
+# width, which is less than the pixels below where the thing is small, and more where it is large
+_STRAY_SMALL, _STRAY_PX, _STRAY_LARGE = 0.06, 1.2, 0.03
 _MOST_STRAY = 0.08
 # neighbouring points of an outline err alike: so many are worth one
 _ALIKE = 6.0
@@ -45,7 +46,7 @@ class Refusal(enum.Enum):
     BORDER = "it touches the edge of the picture, so its width is not seen whole"
     THIN = "it is too thin to measure"
     AFLOAT = "its foot is not on the table, as if something hid it or it were something else"
-    PARTIAL = "its outline is not that of the whole thing, as if something hid a part of it"
+    PARTIAL = "its outline is not that of its shape, as if something hid a part of it"
 
 
 class Placement(NamedTuple):
@@ -54,12 +55,14 @@ class Placement(NamedTuple):
     Attributes:
         p_camera: its centre, shape (3,) [m].
         foot: height of its lowest point above the lens [m]; None when that is not seen.
-        covariance: of ``p_camera`` and ``foot``, shape (4, 4) [m^2].
+        noise: covariance of ``p_camera`` and ``foot`` by noise, shape (4, 4) [m^2].
+        light: the same by light and shade at the edges, shape (4, 4) [m^2].
     """
 
     p_camera: Array
     foot: float | None
-    covariance: Array
+    noise: Array
+    light: Array
 
 
 def place(
@@ -87,7 +90,8 @@ def place(
     )
     width = math.sqrt(float(np.prod(np.ptp(points, axis=0)))) / pixel
     off = np.abs(best.off_px)
-    stray = np.mean(off > max(_STRAY_PX, _STRAY_SHARE * width))
+    most = max(min(_STRAY_SMALL * width, _STRAY_PX), _STRAY_LARGE * width)
+    stray = np.mean(off > most)
     sound = np.isfinite(best.state).all() and best.state[2] > 0 and stray <= _MOST_STRAY
     if not sound or (
         len(best.state) > 3 and shape in _TALL and best.state[3] < _LEAST_HEIGHT * width_m
@@ -96,7 +100,8 @@ def place(
     slope, offset = _foot(shape, best, width_m, up)
     both = np.vstack([np.eye(3, len(best.state)), slope])
     foot = None if offset is None else float(slope @ best.state) + offset
-    return Placement(best.state[:3], foot, both @ _covariance(best, edge_px) @ both.T)
+    noise, light = (both @ it @ both.T for it in _covariances(best, edge_px))
+    return Placement(best.state[:3], foot, noise, light)
 
 
 def _place_flat(rays: Array, width_m: float, pixel: float, up: Array, edge_px: float) -> Placement:
@@ -105,12 +110,21 @@ def _place_flat(rays: Array, width_m: float, pixel: float, up: Array, edge_px: f
     down = extent(rays[:, 1], rays[:, 0], pixel)
     ray = np.array([across.middle, down.middle, 1.0])
     depth = width_m / across.size
-    edge = math.hypot(across.sigma, _FLAT * edge_px * pixel)
-    relative = math.sqrt(2) * edge / across.size
-    aside = depth * edge / math.sqrt(2)
-    covariance = (depth * relative) ** 2 * np.outer(ray, ray) + np.diag([aside**2, aside**2, 0.0])
     both = np.vstack([np.eye(3), up])
-    return Placement(ray * depth, None, both @ covariance @ both.T)
+    noise, light = (
+        both @ _flat_covariance(ray * depth, edge, across.size) @ both.T
+        for edge in (across.sigma, _FLAT * edge_px * pixel)
+    )
+    return Placement(ray * depth, None, noise, light)
+
+
+def _flat_covariance(p_camera: Array, edge: float, size: float) -> Array:
+    """Return what an error of each edge does to a flat face, shape (3, 3)."""
+    depth = p_camera[2]
+    aside = depth * edge / math.sqrt(2)
+    along = math.sqrt(2) * edge / size
+    result: Array = along**2 * np.outer(p_camera, p_camera) + np.diag([aside**2, aside**2, 0.0])
+    return result
 
 
 def _solid(rays: Array, shape: Shape, width_m: float, up: Array) -> tuple[Solid, list[Array]]:
@@ -152,17 +166,16 @@ def _from_above(rays: Array, up: Array) -> bool:
     return slant < 1.2 * spread
 
 
-def _covariance(found: Fit, edge_px: float) -> Array:
-    """Return the covariance of a fit, shape (m, m).
+def _covariances(found: Fit, edge_px: float) -> tuple[Array, Array]:
+    """Return the covariances of a fit by noise and by light, shape (m, m) each.
 
     Noise throws each part of the outline where it likes. Light and shade move all of it outwards,
     or one side out and the other in.
     """
     gain = found.gain()
     noise = max(float(np.median(np.abs(found.off_px))) / 0.6745, _LEAST_NOISE_PX)
-    light = gain @ np.column_stack([np.ones(len(found.normals)), found.normals])
-    covariance: Array = noise**2 * _ALIKE * gain @ gain.T + edge_px**2 * light @ light.T
-    return covariance
+    moved = gain @ np.column_stack([np.ones(len(found.normals)), found.normals])
+    return noise**2 * _ALIKE * gain @ gain.T, edge_px**2 * moved @ moved.T
 
 
 def _foot(shape: Shape, found: Fit, width_m: float, up: Array) -> tuple[Array, float | None]:

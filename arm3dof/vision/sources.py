@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -155,7 +155,7 @@ def write_image(path: str | Path, image: NDArray[np.generic]) -> Path:
     return path
 
 
-def frames(source: str | Path | int, *, timeout: float = 5.0) -> Iterator[Frame]:
+def frames(source: str | Path | int, *, timeout: float = 5.0) -> Generator[Frame]:
     """Go through the pictures of a source.
 
     Args:
