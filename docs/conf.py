@@ -36,7 +36,9 @@ myst_heading_anchors = 3
 nitpicky = True
 nitpick_ignore_regex = [
     ("py:.*", r"(?!arm3dof\.).*"),
-    ("py:class", r"arm3dof\.runtime\.parallel\.(Task|Result)"),  # type variables
+    # type variables
+    ("py:.*", r"arm3dof\.runtime\.parallel\.(Task|Result)"),
+    ("py:.*", r"arm3dof\.vision\.latest\.Item"),
 ]
 
 autodoc_member_order = "bysource"
@@ -46,10 +48,11 @@ autodoc_default_options = {"members": True, "show-inheritance": True}
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = False
+napoleon_attr_annotations = False
 
 
 class Modules(SphinxDirective):
-    """Document every module of a package, but for what the page has documented already."""
+    """Document every module in a package, but for what the page has documented already."""
 
     required_arguments = 1
 
@@ -57,7 +60,7 @@ class Modules(SphinxDirective):
         """Return what ``automodule`` makes of each module in turn."""
         package = import_module(self.arguments[0])
         lines = []
-        for found in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+        for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             if found.ispkg or found.name.rpartition(".")[2].startswith("_"):
                 continue
             module = import_module(found.name)
