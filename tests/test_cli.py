@@ -329,9 +329,10 @@ def test_simulate_refuses(refused, words, reason):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("plant", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize("robot", ["ur5", "panda", "z1", "so100", "so101", "xarm7"])
-def test_other_robots_settle_from_the_same_command(ask, robot):
-    code, answer = ask("simulate", "--robot", robot)
+def test_other_robots_settle_from_the_same_command(ask, robot, plant):
+    code, answer = ask("simulate", "--robot", robot, "--plant", plant)
     assert code == 0, answer
     assert answer["torque_violations"] == 0
 
