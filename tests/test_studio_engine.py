@@ -17,9 +17,14 @@ from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.arm import LiveArm
 from arm3dof.runtime.live.frames import Mode, Ring, frame_type
 from arm3dof.runtime.live.pace import Pacer, SimulatedClock, lateness_percentiles
+from arm3dof.runtime.live.physics import PhysicsPlant
 from arm3dof.runtime.live.plants import RigidPlant
 from arm3dof.runtime.live.process import SILENCE, ArmLoop, ArmProcess, ArmSpec, News
 from arm3dof.runtime.parallel import PackedRobot
+from arm3dof.runtime.tasks.pick_and_place import Sight
+from arm3dof.sim.world import World
+from arm3dof.ui.studio.start import home, table
+from arm3dof.vision.standing import Standing
 
 TARGET = (0.4, 1.0, -0.8)
 
@@ -187,6 +192,65 @@ def test_what_cannot_be_done_changes_nothing(arm: LiveArm) -> None:
         with pytest.raises(ArmError):
             arm.obey(command)
     assert_allclose(pass_time(arm, 0.5)["q"][-1], frame["q"], atol=1e-3)
+
+
+# ---- the world with physics ----------------------------------------------------------------------
+
+
+def standing(world: World) -> tuple[Standing, ...]:
+    """What a perfect eye would see of a world that nobody has touched."""
+    sure = 1e-8 * np.eye(2)
+    return tuple(
+        Standing(it.name, it.x, it.y, it.width_m, it.height_m, sure) for it in world.bodies
+    )
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    made = table()
+    assert isinstance(made, World)
+    return made
+
+
+@pytest.fixture
+def worker(robot: Robot, world: World) -> LiveArm:
+    return LiveArm(PhysicsPlant(robot, world), home(robot), None, world)
+
+
+@pytest.mark.slow
+def test_it_grasps_an_object_and_puts_it_aside(worker: LiveArm, world: World) -> None:
+    first = pass_time(worker, 0.2)[-1]
+    worker.obey(cmd.Do("grasp", "red", (0.16, 0.08)))
+    highest = 0.0
+    while worker.mode is Mode.WORKING and worker.plant.state.t < 40:
+        worker.sight = Sight(standing(world), float(worker.plant.state.t))
+        frame = worker.advance()
+        highest = max(highest, float(frame["bodies"][1, 2] - first["bodies"][1, 2]))
+    assert worker.said == ["the task is done"]
+    assert highest > 0.02
+    np.testing.assert_allclose(frame["bodies"][1, :2], (0.16, 0.08), atol=0.01)
+    assert pass_time(worker, 0.5)["control"].sum() == 10  # the person's controller is back
+
+
+def test_a_stop_ends_a_task(worker: LiveArm, world: World) -> None:
+    worker.sight = Sight(standing(world), 0.0)
+    worker.obey(cmd.Do("grasp", "red", (0.16, 0.08)))
+    assert pass_time(worker, 0.1)["mode"][-1] == Mode.WORKING
+    worker.obey(cmd.Stop())
+    assert pass_time(worker, 0.6)["mode"][-1] == Mode.HOLDING
+
+
+def test_fingers_and_a_longer_link_move_in_the_physics_world(worker: LiveArm) -> None:
+    opened = pass_time(worker, 0.3)[-1]["opening"]
+    worker.obey(cmd.Grip(0.02))
+    assert pass_time(worker, 0.8)[-1]["opening"] == pytest.approx(0.02, abs=2e-3)
+    assert opened > 0.04
+    longer = load_robot(overrides={"link3.length": 0.17})
+    before = worker.plant.state.q
+    worker.obey(cmd.Rebuild(PackedRobot.of(longer), 1))
+    frame = pass_time(worker, 0.2)[-1]
+    np.testing.assert_allclose(frame["q"], before, atol=0.02)
+    np.testing.assert_allclose(frame["tool"], longer.placement(frame["q"]).translation, atol=1e-9)
 
 
 # ---- frames and time ---------------------------------------------------------------------------

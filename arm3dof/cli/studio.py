@@ -40,9 +40,14 @@ def studio(
         ),
     ] = "world",
     camera_file: Annotated[
-        str,
-        typer.Option(metavar="CAMERA", help="A CAMERA.toml, or a preset such as desk or paper."),
-    ] = "desk",
+        str | None,
+        typer.Option(
+            metavar="CAMERA",
+            help="A CAMERA.toml, or a preset such as desk or paper. Default: desk; for the "
+            "simulated table a camera before the arm.",
+            show_default=False,
+        ),
+    ] = None,
     folder: Annotated[
         Path,
         typer.Option("--out", metavar="DIR", help="The only folder that files are written to."),
@@ -116,20 +121,20 @@ class _Targets:
         return tuple(load_camera(path).targets.values())
 
 
-def _eye(where: str, camera_file: str) -> EyeSpec:
+def _eye(where: str, camera_file: str | None) -> EyeSpec:
     from arm3dof.config.camera_file import load_camera
     from arm3dof.runtime.live.eye import Watch
     from arm3dof.runtime.live.eye_process import EyeSpec
     from arm3dof.sim.world import World
-    from arm3dof.ui.studio.start import table
+    from arm3dof.ui.studio.start import camera, table
 
-    setup = load_camera(camera_file)
+    setup = load_camera(camera_file or "desk")
     targets = tuple(setup.targets.values())
-    if where == "world":
-        world = table()
-        if isinstance(world, World):  # parts of the arm have colours too
-            names = [body.name for body in world.bodies]
-            targets = tuple(target for target in targets if target.name in names) or targets
+    if where != "world":
+        return EyeSpec(setup.camera, Watch(targets), int(where) if where.isdecimal() else where)
+    world = table()
+    if not isinstance(world, World):
         return EyeSpec(setup.camera, Watch(targets), world)
-    watch = Watch(targets)
-    return EyeSpec(setup.camera, watch, int(where) if where.isdecimal() else where)
+    names = [body.name for body in world.bodies]  # parts of the arm have colours too
+    targets = tuple(target for target in targets if target.name in names) or targets
+    return EyeSpec(camera() if camera_file is None else setup.camera, Watch(targets), world)

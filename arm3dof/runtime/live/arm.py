@@ -20,6 +20,10 @@ from arm3dof.model.robot import Robot
 from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.frames import PLAN_ROWS, Frames, Mode, frame_type
 from arm3dof.runtime.live.plants import LivePlant
+from arm3dof.runtime.live.work import PHASES, Work
+from arm3dof.runtime.tasks.gripping import Gripping
+from arm3dof.runtime.tasks.pick_and_place import Sight
+from arm3dof.sim.world import World
 from arm3dof.state import Array, finite_vector
 
 FRAME_RATE = 60.0
@@ -35,20 +39,33 @@ class LiveArm:
         mode: what the arm is doing.
         paused: whether time stands still.
         kind: type of the frames.
+        sight: the latest that the eye knows; what a task sees.
+        said: what has happened since it was looked at, in words; whoever reads it clears it.
     """
 
-    def __init__(self, plant: LivePlant, start: Array, control: cmd.Control | None = None) -> None:
+    def __init__(
+        self,
+        plant: LivePlant,
+        start: Array,
+        control: cmd.Control | None = None,
+        world: World | None = None,
+    ) -> None:
         """Create an arm that holds its start.
 
         Args:
             plant: the body.
             start: joint positions to begin at, shape (nv,) [rad].
             control: the controller to begin with.
+            world: what is known of the surroundings; without one there are no tasks.
         """
         robot = plant.robot
         self.plant, self.kind = plant, frame_type(robot.nv, len(plant.bodies))
         self._start = finite_vector(start, robot.nv, "start")
-        self._true, self._model = robot, robot
+        self._true, self._model, self._world = robot, robot, world
+        self._gripping: Gripping | None = None
+        self._work: Work | None = None
+        self.sight: Sight | None = None
+        self.said: list[str] = []
         self._load, self._version, self._run, self._energy = 0.0, 0, 0, 0.0
         self.paused = False
         self._steps_left = 0
@@ -93,18 +110,36 @@ class LiveArm:
             case cmd.Restart():
                 self.plant.restart(self._start)
                 self._hold(self._start)
-            case cmd.Do(task):
-                raise InputError(f"this world has nothing to {task}; start one with physics")
+            case cmd.Do():
+                self._begin_work(command)
             case cmd.Alive():
                 pass
 
     def stop(self) -> None:
         """Brake to rest, then hold there."""
         self.paused = False
+        self._end_work()
         self.mode = Mode.BRAKING
         self._brake.reset()
 
+    def _begin_work(self, do: cmd.Do) -> None:
+        if self._world is None or not np.isfinite(self.plant.opening):
+            raise InputError(f"this world has nothing to {do.task}; start one with physics")
+        if self._gripping is None:
+            self._gripping = Gripping(self._model, self._world.table.height)
+        work = Work(do, self._model, self._gripping, self._start, self._world)
+        self._end_work()
+        self._begin_run()
+        self._work, self.mode = work, Mode.WORKING
+        self._set_schedule(work.dt)
+
+    def _end_work(self) -> None:
+        if self._work is not None:
+            self._work = None
+            self._set_schedule(self._controller.dt)
+
     def _begin_run(self) -> None:
+        self._end_work()
         self.paused = False
         self._controller.reset()
         self._run += 1
@@ -129,10 +164,9 @@ class LiveArm:
             )
         controller = _controller(self._model, control, settings)
         holder = MpcController(self._model, MpcSettings(dt=settings.dt))
-        count = max(1, round(settings.dt * FRAME_RATE))
-        self._schedule = np.diff(np.round(np.linspace(0, steps, count + 1)).astype(int))
+        self._end_work()
         self._controller, self._holder, self._control = controller, holder, control
-        self._brake = Fallback(self._model, settings.dt / count, 0.0)
+        self._set_schedule(settings.dt)
         held = self.plant.robot.gravity(self.plant.state.q)
         self._tau = np.clip(held, -self._tau_max, self._tau_max)
         delay = round(control.delay / self.plant.dt)
@@ -147,6 +181,14 @@ class LiveArm:
         )
         self._frame = 0
 
+    def _set_schedule(self, dt: float) -> None:
+        """Divide a control step into frames of whole plant steps."""
+        count = max(1, round(dt * FRAME_RATE))
+        steps = np.round(np.linspace(0, round(dt / self.plant.dt), count + 1)).astype(int)
+        self._schedule = np.diff(steps)
+        self._brake = Fallback(self._model, dt / count, 0.0)
+        self._frame = 0
+
     def _rebuild(self, change: cmd.Rebuild) -> None:
         robot = change.robot.unpack()
         if robot.nv != self._true.nv:
@@ -157,7 +199,7 @@ class LiveArm:
         self.plant.change_robot(self._loaded())
         self._version = change.version
         if change.told:
-            self._model = robot
+            self._model, self._gripping = robot, None
             self._choose(self._control)
 
     def _loaded(self) -> Robot:
@@ -166,6 +208,7 @@ class LiveArm:
     def _hold(self, q: Array) -> None:
         self.mode, self._rest = Mode.HOLDING, np.array(q)
         self._holder.reset()
+        self._end_work()
         self._frame = 0
 
     @property
@@ -196,7 +239,14 @@ class LiveArm:
 
     def _decide(self) -> None:
         state = self.plant.measure()
-        if self.mode is Mode.RUNNING:
+        if self._work is not None:
+            self._answer = self._work.step(state, self.plant, self.sight)
+            self._q_target = self._work.target
+            if self._work.phase.is_final:
+                self.said.append(self._work.verdict)
+                self._q_target = state.q
+                self._hold(state.q)
+        elif self.mode is Mode.RUNNING:
             self._answer = self._controller.step(state, self._q_target)
         else:
             self._answer = self._holder.step(state, self._rest)
@@ -246,6 +296,8 @@ class LiveArm:
         frame["paused"], frame["run"], frame["version"] = self.paused, self._run, self._version
         if isinstance(self._controller, MpcController):
             frame["disturbance"] = self._controller.observer.disturbance
+        if self._work is not None:
+            frame["phase"] = PHASES.index(self._work.phase)
         self._show_plan(frame)
         return frame
 

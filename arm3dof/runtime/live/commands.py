@@ -120,11 +120,16 @@ class Do:
 
     Attributes:
         task: which one.
-        target: name of the kind of object that it is about; empty for any.
+        target: name of the kind of object that is grasped; nothing for sorting.
+        place: where it is put down, (x, y) in the base frame [m].
     """
 
     task: Literal["grasp", "sort"]
     target: str = ""
+    place: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _finite("the place", *self.place)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from arm3dof.errors import ArmError
-from arm3dof.runtime.live.child import Child, received
+from arm3dof.runtime.live.child import Child, offer, received
 from arm3dof.runtime.live.eye import (
     DrawnCamera,
     Learned,
@@ -27,6 +27,8 @@ from arm3dof.runtime.live.eye import (
 from arm3dof.runtime.live.frames import Ring
 from arm3dof.runtime.live.process import News
 from arm3dof.runtime.parallel import PackedRobot
+from arm3dof.runtime.tasks.pick_and_place import Sight as Known
+from arm3dof.runtime.tasks.sight import things_in
 from arm3dof.sim.scene import Scene
 from arm3dof.sim.world import World
 from arm3dof.vision.camera import Camera
@@ -77,6 +79,7 @@ class EyeProcess(Child):
         robot: PackedRobot,
         ring: Ring,
         on_message: Callable[[Sight | Learned | News], None],
+        sights: Connection | None = None,
     ) -> None:
         """Start the process.
 
@@ -84,13 +87,20 @@ class EyeProcess(Child):
             spec: what it looks through.
             robot: the arm, as it may be seen in the picture.
             ring: the frames of the arm.
+            sights: where what stands on the table is told to the arm.
             on_message: called from a thread with each picture and answer.
         """
         self.spec = spec
-        super().__init__("arm3dof-eye", _look, (spec, robot, ring), on_message)
+        super().__init__("arm3dof-eye", _look, (spec, robot, ring, sights), on_message)
 
 
-def _look(spec: EyeSpec, robot: PackedRobot, ring: Ring, pipe: Connection) -> None:
+def _look(
+    spec: EyeSpec,
+    robot: PackedRobot,
+    ring: Ring,
+    sights: Connection | None,
+    pipe: Connection,
+) -> None:
     """Be the eye's process."""
     with contextlib.suppress(OSError, AttributeError):
         os.nice(_NICE)
@@ -108,7 +118,12 @@ def _look(spec: EyeSpec, robot: PackedRobot, ring: Ring, pipe: Connection) -> No
                     pipe.send(eye.learn(message))
             if time.monotonic() >= due:
                 due = max(due + 1 / RATE, time.monotonic())
-                pipe.send(eye.see())
+                frame = ring.latest()
+                sight = eye.see()
+                if sights is not None and frame is not None and isinstance(spec.source, World):
+                    things = things_in(sight.view, spec.camera, spec.source.table.height)
+                    offer(sights, Known(things, float(frame["t"])))
+                pipe.send(sight)
     except (ArmError, StopIteration) as error:
         pipe.send(News(str(error) or "the camera gives no more pictures", bad=True))
     except (BrokenPipeError, ConnectionResetError):

@@ -12,7 +12,7 @@ from arm3dof.runtime.live.eye import Watch
 from arm3dof.runtime.live.frames import Frames, Ring
 from arm3dof.runtime.live.plants import PLANT_DT
 from arm3dof.runtime.parallel import PackedRobot
-from arm3dof.sim.mujoco_plant import MujocoPlant
+from arm3dof.sim.mujoco_plant import GripperState, MujocoPlant
 from arm3dof.sim.world import World
 from arm3dof.sim.world_camera import WorldCamera
 from arm3dof.state import Array, JointState
@@ -63,6 +63,11 @@ class PhysicsPlant:
         plant = self.plant
         joints = [plant.data.joint(body.name) for body in plant.world.bodies]
         return np.array([joint.qpos for joint in joints]).reshape(-1, 7)
+
+    @property
+    def gripper(self) -> GripperState:
+        """What the gripper says of itself."""
+        return self.plant.gripper
 
     @property
     def fingers(self) -> Array:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from arm3dof.model.robot import Robot
+from arm3dof.runtime.tasks.pick_and_place import Gripper
 from arm3dof.sim.pinocchio_plant import PinocchioPlant
 from arm3dof.state import Array, JointState
 
@@ -38,6 +40,10 @@ class LivePlant(Protocol):
         """Pose of each object: (x, y, z, qw, qx, qy, qz), shape (n, 7) [m]."""
 
     @property
+    def gripper(self) -> Gripper:
+        """What the gripper says of itself."""
+
+    @property
     def fingers(self) -> Array:
         """Positions of the two fingers, shape (2,) [m]; NaN for an arm without."""
 
@@ -62,6 +68,14 @@ class LivePlant(Protocol):
         """Put the arm to a position, at rest, and everything else to its place."""
 
 
+@dataclass(frozen=True)
+class NoGripper:
+    """What an arm without fingers says of them."""
+
+    opening: float = 0.0
+    moving: bool = False
+
+
 class RigidPlant:
     """The arm alone, as Pinocchio simulates it: nothing to grasp, and no fingers."""
 
@@ -71,6 +85,7 @@ class RigidPlant:
         self.opening = float("nan")
         self.bodies: Array = np.zeros((0, 7))
         self.fingers: Array = np.full(2, np.nan)
+        self.gripper: Gripper = NoGripper()
 
     @property
     def robot(self) -> Robot:

@@ -25,6 +25,7 @@ from arm3dof.runtime.live.frames import Mode, Ring, frame_type
 from arm3dof.runtime.live.pace import Clock, Pacer, WallClock
 from arm3dof.runtime.live.plants import RigidPlant
 from arm3dof.runtime.parallel import PackedRobot
+from arm3dof.runtime.tasks.pick_and_place import Sight
 from arm3dof.sim.world import World
 
 SILENCE = 1.0
@@ -55,7 +56,8 @@ class ArmSpec:
             return LiveArm(RigidPlant(robot), np.array(self.start), self.control)
         from arm3dof.runtime.live.physics import PhysicsPlant  # needs MuJoCo
 
-        return LiveArm(PhysicsPlant(robot, self.world), np.array(self.start), self.control)
+        plant = PhysicsPlant(robot, self.world)
+        return LiveArm(plant, np.array(self.start), self.control, self.world)
 
     def ring(self, make: Callable[..., object] = CONTEXT.RawArray) -> Ring:
         """Return an empty ring for the frames of this world."""
@@ -85,6 +87,7 @@ class ArmLoop:
         receive: Callable[[], list[cmd.Command] | None],
         tell: Callable[[News], None],
         clock: Clock,
+        look: Callable[[], Sight | None] = lambda: None,
     ) -> None:
         """Create a loop.
 
@@ -95,7 +98,9 @@ class ArmLoop:
                 send any.
             tell: takes news, without ever waiting.
             clock: what time is kept by.
+            look: returns what the eye has found since; ``None`` for no news.
         """
+        self._look = look
         self._arm, self._ring, self._receive, self._tell = arm, ring, receive, tell
         self._clock, self._pacer = clock, Pacer(clock)
         self._heard = clock.now()
@@ -109,8 +114,12 @@ class ArmLoop:
     def tick(self) -> None:
         """Obey what has come, let one frame pass, and wait for the next."""
         self._listen()
+        if (sight := self._look()) is not None:
+            self._arm.sight = sight
         frame_time = self._arm.frame_time
         frame = self._arm.advance()
+        while self._arm.said:
+            self._tell(News(self._arm.said.pop(0)))
         frame["missed"] = self._pacer.missed
         frame["lateness"] = self._pacer.wait(frame_time)
         self._ring.write(frame)
@@ -149,18 +158,24 @@ class ArmProcess(Child):
         spec: what its world is made of.
     """
 
-    def __init__(self, spec: ArmSpec, on_news: Callable[[News], None]) -> None:
+    def __init__(
+        self,
+        spec: ArmSpec,
+        on_news: Callable[[News], None],
+        sights: Connection | None = None,
+    ) -> None:
         """Start the process.
 
         Args:
             spec: what the world is made of.
+            sights: where what the eye has found comes from.
             on_news: called from a thread with what happens there.
         """
         self.spec, self.ring = spec, spec.ring()
-        super().__init__("arm3dof-arm", _live, (spec, self.ring), on_news)
+        super().__init__("arm3dof-arm", _live, (spec, self.ring, sights), on_news)
 
 
-def _live(spec: ArmSpec, ring: Ring, pipe: Connection) -> None:
+def _live(spec: ArmSpec, ring: Ring, sights: Connection | None, pipe: Connection) -> None:
     """Be the arm's process."""
     with contextlib.suppress(OSError, AttributeError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
@@ -169,5 +184,12 @@ def _live(spec: ArmSpec, ring: Ring, pipe: Connection) -> None:
     gc.collect()
     gc.freeze()
     gc.disable()  # nothing here makes cycles; a collection would be late for the arm
-    loop = ArmLoop(arm, ring, lambda: received(pipe), lambda news: offer(pipe, news), WallClock())
+
+    def look() -> Sight | None:
+        found = [] if sights is None else received(sights)
+        return found[-1] if found else None
+
+    loop = ArmLoop(
+        arm, ring, lambda: received(pipe), lambda news: offer(pipe, news), WallClock(), look
+    )
     loop.run()

@@ -42,6 +42,7 @@ def build_page(studio: Studio) -> None:
     ui.timer(0.25, studio.alive)
     facts = {
         "tab": tab.id,
+        "grasps": studio.gripper is not None,
         "charts": charts,
         "joints": list(studio.robot.joint_names),
         "limits": studio.robot.limits.tau_max.tolist(),
@@ -62,6 +63,14 @@ def _build_bar(tab: Tab, dark: ui.dark_mode) -> None:
         sanitize=False,
     ).classes("status")
     with ui.element("nav").classes("transport").props('aria-label="Motion"'):
+        if tab.studio.gripper is not None:
+            button(
+                "Grasp",
+                "back_hand",
+                "Let the arm grasp the nearest object and put it aside (G)",
+                lambda: tab.attempt(tab.studio.grasp),
+                color="primary",
+            ).props("data-key=Grasp")
         run = button(
             "Run",
             "play_arrow",
@@ -151,7 +160,7 @@ def _build_panels(tab: Tab) -> None:
             for panel in PANELS:
                 with ui.tab_panel(panel.name):
                     built[panel.name] = panel.build(tab)
-    ui.timer(0.3, lambda: _refresh(built.values()))
+    ui.timer(0.3, lambda: _refresh(tab, built.values()))
 
     _listen(tab, tabs, built)
 
@@ -182,8 +191,10 @@ def _listen(tab: Tab, tabs: ui.tabs, built: Mapping[str, Built]) -> None:
 
     ui.on("studio_picture", on_picture)
     ui.on("studio_aim", on_aim)
+    ui.on("studio_grasp", lambda e: tab.attempt(lambda: tab.studio.grasp(str(e.args["name"]))))
 
 
-def _refresh(panels: Iterable[Built]) -> None:
+def _refresh(tab: Tab, panels: Iterable[Built]) -> None:
+    tab.tell_news()
     for panel in panels:
         panel.refresh()

@@ -24,6 +24,7 @@ _TRAIL = 240  # points of the tool's path that are drawn
 _STRIDE = 0.002  # the tool moves as far before its path grows [m]
 _FRUSTUM = 0.10  # how far the camera's view is drawn [m]
 _CLOUD = 6000  # samples of the reachable region
+_ASIDE = 1.3  # [rad]: the view holds the arm stretched out to each side
 _SAME = 1e-10  # [rad]: an arm that moved less looks the same, and its picture may rest
 
 
@@ -64,7 +65,9 @@ class LiveScene:
         self.window.post(*(shapes.delete(path) for path in ("/robot", "/ghost", "/bars")))
         self._scene = Scene(self._robot, self.window)
         stretched = np.clip(np.zeros(robot.nv), robot.limits.q_min, robot.limits.q_max)
-        self._scene.look_at(np.array([self._home, stretched]))
+        aside = [stretched + turn * np.eye(robot.nv)[0] for turn in (-_ASIDE, _ASIDE)]
+        poses = np.clip([self._home, stretched, *aside], robot.limits.q_min, robot.limits.q_max)
+        self._scene.look_at(poses)
         self._q = self._q_target = None
         gripper = find_gripper(self._robot)
         self._hand = None if gripper is None else _Hand(self._robot, gripper)

@@ -10,6 +10,7 @@ import numpy as np
 from arm3dof.control.step import ControlStatus, TorqueSource
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live.frames import Frames, Mode
+from arm3dof.runtime.live.work import PHASES
 from arm3dof.runtime.metrics import SETTLED_ERROR, SETTLED_SPEED
 
 _AT_LIMIT = 0.999  # share of the torque limit that counts as all of it
@@ -45,6 +46,9 @@ def describe(frame: Frames, robot: Robot) -> Status:
         return Status("Holding still", Tone.CALM)
     if mode is Mode.BRAKING:
         return Status("Stopping: braking to rest", Tone.WARN)
+    if mode is Mode.WORKING:
+        phase = PHASES[int(frame["phase"])].sentence
+        return Status(f"By itself: {phase}", Tone.BUSY)
     status, source = ControlStatus(int(frame["status"])), TorqueSource(int(frame["source"]))
     if source is not TorqueSource.OPTIMUM:
         return Status(f"Fallback, {source.sentence}: {status.sentence}", Tone.WARN)

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from starlette.routing import BaseRoute, Mount, WebSocketRoute
 
-from arm3dof.errors import ArmError
+from arm3dof.errors import ArmError, InputError
 from arm3dof.model.gripper import Gripper, find_gripper
 from arm3dof.model.library import load_robot
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live import commands as cmd
+from arm3dof.runtime.live.child import CONTEXT
 from arm3dof.runtime.live.eye import Learned, Pick, Sight, Watch
 from arm3dof.runtime.live.eye_process import EyeProcess, EyeSpec
 from arm3dof.runtime.live.frames import Frames
@@ -32,6 +33,7 @@ from arm3dof.ui.studio.controls import Controls
 from arm3dof.ui.studio.fields import control_changes
 from arm3dof.ui.studio.keep import Runs, free_name, settings_toml, write_into
 from arm3dof.ui.studio.scene import LiveScene
+from arm3dof.ui.studio.start import free_place
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import ColourTarget
 from arm3dof.vision.locate import Located
@@ -109,8 +111,12 @@ class Studio:
         self.gripper: Gripper | None = find_gripper(robot) if has_physics else None
         world = eye.source if isinstance(eye.source, World) else None
         position = tuple(np.asarray(start, float).tolist())
-        self.arm = ArmProcess(ArmSpec(packed, position, self.control, world), self._hear)
-        self.eye = EyeProcess(eye, packed, self.arm.ring, self._see)
+        ear, mouth = CONTEXT.Pipe(duplex=False)
+        spec = ArmSpec(packed, position, self.control, world)
+        self.arm = ArmProcess(spec, self._hear, ear)
+        self.eye = EyeProcess(eye, packed, self.arm.ring, self._see, mouth)
+        ear.close()
+        mouth.close()
         self.scene = LiveScene(robot, np.array(position), eye.camera, world)
         self.live = Broadcast(lambda: b"")
         self.controls = Controls(self._lost)
@@ -164,6 +170,23 @@ class Studio:
         """Draw or hide the reachable region."""
         with self._scene_lock:
             self.scene.show_region(shown)
+
+    def grasp(self, name: str = "") -> None:
+        """Let the arm grasp an object and put it down a little to the side.
+
+        Args:
+            name: which kind of object; the nearest that is seen when empty.
+
+        Raises:
+            InputError: no such object is seen on the table.
+        """
+        seen = [it for it in self.located() if name in ("", it.target)]
+        if not seen:
+            raise InputError(f"no {name or 'known'} object is seen; choose what to look for")
+        nearest = min(seen, key=lambda it: float(np.hypot(*it.p_base[:2])))
+        x, y = nearest.p_base[:2].tolist()
+        others = [it.p_base[:2] for it in self.located() if it is not nearest]
+        self.ask(cmd.Do("grasp", nearest.target, free_place(x, y, others)))
 
     def alive(self) -> None:
         """Tell the arm that the page is there."""

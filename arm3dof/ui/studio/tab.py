@@ -22,6 +22,7 @@ class Tab:
     def __init__(self, studio: Studio) -> None:
         """Let the tab that is being built in."""
         self.studio = studio
+        self._heard = studio.news[-1][0] if studio.news else 0
         client = ui.context.client
         self.id = client.id
         client.on_connect(lambda: studio.controls.enter(self.id))
@@ -51,6 +52,14 @@ class Tab:
             ui.notify(str(error), type="negative", multi_line=True, close_button="Close")
             return False
         return True
+
+    def tell_news(self) -> None:
+        """Say what has happened since."""
+        for number, news in list(self.studio.news):
+            if number > self._heard:
+                self._heard = number
+                text = news.text[0].upper() + news.text[1:]
+                ui.notify(text, type="warning" if news.bad else "info", multi_line=True)
 
     def take(self) -> None:
         """Take the controls."""

@@ -52,6 +52,14 @@ class Move:
                 "Distance between the fingers",
             )
             slider(opening, opening.high, lambda cm: tab.ask(lambda: cmd.Grip(0.01 * cm)))
+            heading("By itself")
+            with ui.element("div").classes("line"):
+                button(
+                    "Sort",
+                    "sort",
+                    "Let the arm put every object into the bin of its colour",
+                    lambda: tab.ask(cmd.Do("sort")),
+                )
         heading("World")
         button(
             "Restart",

@@ -216,6 +216,14 @@ function seenRow(it, index) {
     aim.title = `Aim at the ${it.name} object`;
     aim.addEventListener("click", () => emitEvent("studio_aim", { index, name: it.name }));
     row.append(aim);
+    if (facts.grasps) {
+      const grasp = document.createElement("button");
+      grasp.type = "button";
+      grasp.textContent = "Grasp";
+      grasp.title = `Let the arm grasp the ${it.name} object`;
+      grasp.addEventListener("click", () => emitEvent("studio_grasp", { name: it.name }));
+      row.append(grasp);
+    }
   } else {
     const no = document.createElement("em");
     no.textContent = "out of reach";
@@ -273,7 +281,7 @@ function listenToClicks() {
 
 // ---- keys --------------------------------------------------------------------------------------
 
-const KEYS = { r: "Run", p: "Pause", Escape: "Stop" };
+const KEYS = { g: "Grasp", r: "Run", p: "Pause", Escape: "Stop" };
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
   const typing = event.target.closest?.("input, textarea, [role=combobox], [role=listbox]");
