@@ -121,6 +121,18 @@ class Watcher:
         """Look for other things from now on."""
         self._watch = watch
 
+    @property
+    def picture(self) -> Image:
+        """The last picture; the first one when there was none."""
+        if self._picture is None:
+            self._picture = self._take(self._watch)
+        return self._picture
+
+    @property
+    def watched(self) -> tuple[ColourTarget, ...]:
+        """What is looked for."""
+        return self._watch.targets
+
     def see(self) -> Sight:
         """Take the next picture and look at it."""
         picture = self._picture = self._take(self._watch)
@@ -131,7 +143,7 @@ class Watcher:
 
     def learn(self, pick: Pick) -> Learned:
         """Find the colour of what is at a pixel of the last picture."""
-        picture = self._take(self._watch) if self._picture is None else self._picture
+        picture = self.picture
         height, width = picture.shape[:2]
         if not (0 <= pick.u < width and 0 <= pick.v < height):
             raise InputError(f"pixel ({pick.u}, {pick.v}) is not in the {width} x {height} picture")

@@ -24,11 +24,11 @@ from arm3dof.runtime.live.eye import (
     Watcher,
     endless,
 )
-from arm3dof.runtime.live.frames import Ring
+from arm3dof.runtime.live.frames import Mode, Ring
 from arm3dof.runtime.live.process import News
 from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.runtime.tasks.pick_and_place import Sight as Known
-from arm3dof.runtime.tasks.sight import things_in
+from arm3dof.runtime.tasks.sight import look_at_table
 from arm3dof.sim.scene import Scene
 from arm3dof.sim.world import World
 from arm3dof.vision.camera import Camera
@@ -120,11 +120,17 @@ def _look(
                 due = max(due + 1 / RATE, time.monotonic())
                 frame = ring.latest()
                 sight = eye.see()
-                if sights is not None and frame is not None and isinstance(spec.source, World):
-                    things = things_in(sight.view, spec.camera, spec.source.table.height)
-                    offer(sights, Known(things, float(frame["t"])))
+                if sights is not None and frame is not None and frame["mode"] == Mode.WORKING:
+                    offer(sights, _known(eye, spec, float(frame["t"])))
                 pipe.send(sight)
     except (ArmError, StopIteration) as error:
         pipe.send(News(str(error) or "the camera gives no more pictures", bad=True))
     except (BrokenPipeError, ConnectionResetError):
         pass  # the page has gone
+
+
+def _known(eye: Watcher, spec: EyeSpec, t: float) -> Known:
+    """Return what stands on the table in the last picture."""
+    height = spec.source.table.height if isinstance(spec.source, World) else 0.0
+    seen = look_at_table(eye.picture, spec.camera, eye.watched, height)
+    return Known(seen.things, t)
