@@ -69,13 +69,26 @@ def test_a_long_run_keeps_its_peaks_and_ends(run: Recording) -> None:
 
 def test_statuses_become_stretches_of_time(run: Recording) -> None:
     segments = status_segments(run)
-    assert [each["level"] for each in segments] == [0, 2, 3, 0, 1, 0]
-    assert [each["from"] for each in segments] == pytest.approx([0.0, 0.4, 0.6, 0.7, 1.2, 1.4])
-    assert [each["to"] for each in segments] == pytest.approx([0.4, 0.6, 0.7, 1.2, 1.4, run.t[-1]])
-    assert segments[2]["name"] == "bad measurement: braking"
+    assert [each.level for each in segments] == [0, 2, 3, 0, 1, 0]
+    assert [each.start for each in segments] == pytest.approx([0.0, 0.4, 0.6, 0.7, 1.2, 1.4])
+    assert [each.end for each in segments] == pytest.approx([0.4, 0.6, 0.7, 1.2, 1.4, run.t[-1]])
+    assert segments[2].name == "bad measurement: braking"
     kinds = {each["name"]: each["count"] for each in command(run)["kinds"]}
     assert sum(kinds.values()) == run.control_rows.sum()
     assert kinds["limit softened"] == 4
+
+
+def test_the_phases_of_a_task_are_read_from_its_notes(run: Recording) -> None:
+    assert command(run)["phases"] == []
+    notes = {
+        "verdict": "done",
+        "task.01 look": "until 0.25 s: the pictures agree",
+        "task.02 lift": "until 1.50 s: the arm is there: at last",
+    }
+    look, lift = command(replace(run, notes=notes))["phases"]
+    assert (look["start"], look["end"], look["name"]) == (0.0, 0.25, "look")
+    assert (lift["start"], lift["end"], lift["name"]) == (0.25, 1.5, "lift")
+    assert lift["sentence"] == "the arm is there: at last"
 
 
 def test_tables_tell_robot_joints_and_settings(run: Recording) -> None:

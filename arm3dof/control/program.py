@@ -42,7 +42,7 @@ class Program(Protocol):
     exact: bool
     w_free: Array
     start: Array | None
-    reached: NDArray[np.bool_]
+    reached: NDArray[np.bool]
 
     def values(self, w: Array) -> tuple[Array, Array]:
         """Return what is limited, and the torques themselves.

@@ -106,7 +106,7 @@ def caption_command(
         "type": "caption",
         "title": title,
         "verdict": verdict(recording, metrics),
-        "good": _is_good(recording, metrics),
+        "good": is_good(recording, metrics),
         "facts": facts,
     }
 
@@ -123,7 +123,8 @@ def verdict(recording: Recording, metrics: Metrics) -> str:
     return f"Not settled after {recording.t[-1] - recording.t[0]:.1f} s"
 
 
-def _is_good(recording: Recording, metrics: Metrics) -> bool:
+def is_good(recording: Recording, metrics: Metrics) -> bool:
+    """Whether a run ended as it was meant to."""
     if ACHIEVED in recording.notes:
         return recording.notes[ACHIEVED] == "yes"
     return metrics.settled and metrics.torque_violations == 0

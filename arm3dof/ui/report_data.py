@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import base64
 import itertools
+import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -25,9 +27,29 @@ from arm3dof.ui.style import COLORS, DARK_COLORS
 MAX_ROWS = 6000  # of a curve in the file; of a longer one the extremes are kept
 MAX_PICTURE = 2_000_000  # bytes; the whole file stays below 5 MB
 PICTURE_SIDE = 1600  # px of the longer side of a picture that was too large
+_PHASE_NAME = re.compile(r"task\.\d+ (.+)")
+_PHASE_END = re.compile(r"until ([\d.]+) s: (.+)", re.DOTALL)
 _KINDS = {b"\x89PNG": "png", b"\xff\xd8\xff": "jpeg", b"RIFF": "webp"}
 
 Table = Mapping[str, object]
+
+
+class Stretch(NamedTuple):
+    """A part of a run with a name.
+
+    Attributes:
+        start: time since the start of the run [s].
+        end: likewise [s].
+        name: in a word or two.
+        sentence: more about it.
+        level: 0 for an optimum, 1 where a limit was softened, 2 for the last plan, 3 for braking.
+    """
+
+    start: float
+    end: float
+    name: str
+    sentence: str = ""
+    level: int = 0
 
 
 def report_command(
@@ -55,8 +77,9 @@ def report_command(
             "dark": _cycled(DARK_COLORS, robot),
         },
         "charts": [_chart(r, quantity(r)) for quantity in QUANTITIES],
-        "segments": status_segments(r),
+        "segments": [each._asdict() for each in status_segments(r)],
         "kinds": _status_kinds(r),
+        "phases": [each._asdict() for each in task_phases(r)],
         "tables": [_run_table(r, robot), _joint_table(r, robot), *_note_tables(r)],
         "picture": None if picture is None else _data_url(picture),
     }
@@ -88,26 +111,32 @@ def _smaller(picture: bytes, name: str) -> bytes:
     return data.tobytes()
 
 
-def status_segments(recording: Recording) -> list[dict[str, object]]:
-    """Return the stretches of time in which the controller said the same.
-
-    Returns:
-        In order of time: ``from`` and ``to`` [s since the start], ``name``, and ``level``: 0 for
-        an optimum, 1 where a limit was softened, 2 for the last plan, 3 for braking.
-    """
+def status_segments(recording: Recording) -> list[Stretch]:
+    """Return the stretches of time in which the controller said the same, in order."""
     r = recording
     code = r.status.astype(int) * 16 + r.source
     starts = np.flatnonzero(np.diff(code, prepend=-1))
     ends = np.append(starts[1:], len(r) - 1)
     return [
-        {
-            "from": float(r.t[start] - r.t[0]),
-            "to": float(r.t[end] - r.t[0]),
-            "name": _name(r.status[start], r.source[start]),
-            "level": status_level(r.status[start], r.source[start]),
-        }
+        Stretch(
+            float(r.t[start] - r.t[0]),
+            float(r.t[end] - r.t[0]),
+            _name(r.status[start], r.source[start]),
+            level=status_level(r.status[start], r.source[start]),
+        )
         for start, end in zip(starts, ends, strict=True)
     ]
+
+
+def task_phases(recording: Recording) -> list[Stretch]:
+    """Return the phases of a task that the notes tell of, in order; none for any other run."""
+    phases: list[Stretch] = []
+    for key, note in recording.notes.items():
+        name, told = _PHASE_NAME.fullmatch(key), _PHASE_END.fullmatch(note)
+        if name and told:
+            begun = phases[-1].end if phases else 0.0
+            phases.append(Stretch(begun, float(told[1]), name[1], told[2]))
+    return phases
 
 
 # ---- parts ---------------------------------------------------------------------------------------

@@ -21,8 +21,8 @@ from arm3dof.ui import stage
 from arm3dof.ui.facets import Facets, Piece, facets
 from arm3dof.ui.meshcat_scene import PATH_END, TARGET
 from arm3dof.ui.painter import Canvas, Perspective, Picture
-from arm3dof.ui.replay import at_times, is_turning, sample_rows, verdict
-from arm3dof.ui.report_data import status_segments
+from arm3dof.ui.replay import at_times, is_good, is_turning, sample_rows, verdict
+from arm3dof.ui.report_data import status_segments, task_phases
 from arm3dof.ui.run_stage import RunStage
 from arm3dof.ui.shapes import sphere
 from arm3dof.ui.style import COLORS, INK, SOFT
@@ -214,12 +214,15 @@ class _Overlay:
             self._face(24, "-Bold"),
         )
         self._duration = float(recording.t[-1] - recording.t[0])
-        self._segments = [each for each in status_segments(recording) if each["level"]]
+        self._segments = [each for each in status_segments(recording) if each.level]
         metrics = summarise(recording)
-        self._good = metrics.settled and metrics.torque_violations == 0
+        self._good = is_good(recording, metrics)
         self._verdict = verdict(recording, metrics)
         self._name = robot.name
         self._done = metrics.settling_time if metrics.settling_time is not None else self._duration
+        self._phases = task_phases(recording)
+        if self._phases:
+            self._done = min(self._phases[-1].end, self._duration)
 
     def onto(self, picture: Picture, t: float, q: Array, tau: Array) -> Picture:
         """Return a picture with the figures of one moment."""
@@ -235,6 +238,10 @@ class _Overlay:
         if t >= self._done - 1e-9:
             color = "#00694E" if self._good else "#8F3D00"
             pen.text(self._at(32, 62), self._verdict, color, self._font)
+            return
+        for phase in self._phases:
+            if phase.start <= t < phase.end:
+                pen.text(self._at(32, 62), phase.name, SOFT, self._font)
 
     def _joints(self, pen: ImageDraw.ImageDraw, q: Array, tau: Array) -> None:
         r = self._run
@@ -267,9 +274,9 @@ class _Overlay:
         span = (right - left) / (self._duration or 1.0)
         pen.rounded_rectangle([*self._at(left, y - 3), *self._at(right, y + 3)], 3, "#D5DCE4")
         for each in self._segments:
-            ends = [left + span * float(str(each[name])) for name in ("from", "to")]
+            ends = left + span * each.start, left + span * each.end
             box = [*self._at(ends[0], y + 6), *self._at(max(ends[1], ends[0] + 2), y + 10)]
-            pen.rectangle(box, _LEVELS[int(str(each["level"]))])
+            pen.rectangle(box, _LEVELS[each.level])
         now = left + span * min(t, self._duration)
         pen.rounded_rectangle([*self._at(left, y - 3), *self._at(now, y + 3)], 3, COLORS[0])
         pen.ellipse([*self._at(now - 7, y - 7), *self._at(now + 7, y + 7)], COLORS[0])

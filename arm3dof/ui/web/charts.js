@@ -318,9 +318,9 @@ class Chart extends Plot {
 
   // Steps without an optimum, as a shade behind the curves.
   drawVetoes(inside) {
-    for (const { from, to, level } of this.marks.segments) {
-      if (level < 2 || to < this.axis.from || from > this.axis.to) continue;
-      const [left, right] = [this.x(from), this.x(to)];
+    for (const { start, end, level } of this.marks.segments) {
+      if (level < 2 || end < this.axis.from || start > this.axis.to) continue;
+      const [left, right] = [this.x(start), this.x(end)];
       const { y, height } = this.frame;
       make(inside, "rect", { class: `veto level-${level}`, x: left, width: Math.max(1.5, right - left), y, height });
     }
@@ -390,14 +390,14 @@ class Chart extends Plot {
   }
 }
 
-// What the controller said at each step, as a coloured strip.
-class StatusStrip extends Plot {
-  constructor(host, axis, marks) {
-    super(host, axis, "Status of the control steps over time", 0);
-    this.marks = marks;
+// Stretches of time with a name each, as a coloured strip: what the controller said, a task's phases.
+class Strip extends Plot {
+  constructor(host, axis, name, segments) {
+    super(host, axis, `${name} over time`, 0);
+    this.segments = segments;
     this.figure.classList.add("strip");
     const title = document.createElement("b");
-    title.textContent = "Control steps";
+    title.textContent = name;
     this.said = document.createElement("span");
     this.said.className = "values said";
     this.caption.append(title, this.said);
@@ -407,11 +407,14 @@ class StatusStrip extends Plot {
     if (!this.width) return;
     const inside = this.start();
     const { y, height } = this.frame;
-    for (const { from, to, level, name } of this.marks.segments) {
-      if (to < this.axis.from || from > this.axis.to) continue;
-      const [left, right] = [this.x(from), this.x(to)];
-      const box = make(inside, "rect", { class: `level-${level}`, x: left, width: Math.max(1.5, right - left), y, height });
-      make(box, "title", {}, name);
+    for (const { start, end, kind, name, sentence } of this.segments) {
+      if (end < this.axis.from || start > this.axis.to) continue;
+      const [left, right] = [this.x(start), this.x(end)];
+      const box = make(inside, "rect", { class: kind, x: left, width: Math.max(1.5, right - left), y, height });
+      make(box, "title", {}, sentence || name);
+      if (sentence && right - left > 6.5 * name.length + 6) {
+        make(inside, "text", { class: "phase-name", x: (left + right) / 2, y: y + height - 2, "text-anchor": "middle" }, name);
+      }
     }
     this.timeTicks(false);
     this.finish();
@@ -419,8 +422,7 @@ class StatusStrip extends Plot {
 
   showCursor() {
     super.showCursor();
-    const { segments } = this.marks;
-    const now = segments[rowAt(segments.map((each) => each.from), this.axis.cursor)];
-    this.said.textContent = now ? now.name : "";
+    const now = this.segments[rowAt(this.segments.map((each) => each.start), this.axis.cursor)];
+    this.said.textContent = !now ? "" : now.sentence ? `${now.name}: ${now.sentence}` : now.name;
   }
 }

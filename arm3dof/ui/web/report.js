@@ -23,7 +23,10 @@ function showReport(message) {
   host.replaceChildren();
   setColours(message.colours);
   message.charts.forEach((spec) => new Chart(host, axis, spec, message.joints, marks));
-  new StatusStrip(host, axis, marks);
+  new Strip(host, axis, "Control steps", message.segments.map((each) => ({ ...each, kind: `level-${each.level}` })));
+  if (message.phases.length) {
+    new Strip(host, axis, "Task", message.phases.map((each, k) => ({ ...each, kind: `phase-${k % 2}` })));
+  }
   const tip = element("div");
   tip.id = "tip";
   tip.hidden = true;
@@ -144,10 +147,10 @@ function showMarks({ segments, duration }) {
   marks.setAttribute("aria-hidden", true);
   $("#time").replaceWith(track);
   track.append(timeInput, marks);
-  marks.append(...segments.filter(({ level }) => level > 0).map(({ from, to, level, name }) => {
+  marks.append(...segments.filter(({ level }) => level > 0).map(({ start, end, level, name }) => {
     const mark = element("i", "", `level-${level}`);
-    mark.style.left = `${100 * from / duration}%`;
-    mark.style.width = `${100 * (to - from) / duration}%`;
+    mark.style.left = `${100 * start / duration}%`;
+    mark.style.width = `${100 * (end - start) / duration}%`;
     mark.title = name;
     return mark;
   }));
@@ -193,7 +196,6 @@ window.addEventListener("beforeprint", () => {
   document.body.dataset.printing = "yes";
   document.body.dataset.theme = document.body.classList.contains("dark") ? "dark" : "light";
   setTheme("light");
-  quality.set(0);
   $("#still").src = viewer.capture_image();
   $("#still").hidden = false;
 });

@@ -118,6 +118,11 @@ viewer.render = function () {
   MeshCat.Viewer.prototype.render.call(this);
   quality.drawn();
 };
+viewer.capture_image = function () { // in full, and before a coarser size clears the picture
+  quality.set(0);
+  MeshCat.Viewer.prototype.render.call(this);
+  return this.renderer.domElement.toDataURL();
+};
 setInterval(() => quality.rest(), 250);
 
 // ---- night: a dark background for a dark page, called by the page around this one ----------------
