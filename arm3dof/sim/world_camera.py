@@ -150,7 +150,7 @@ class WorldCamera:
 
 def _shadow_map(width: int) -> int:
     """Return how wide the map of shadows must be for a picture of some width, both [px]."""
-    return next((size for size in _SHADOW_MAPS if size >= 1.2 * width), _SHADOW_MAPS[-1])
+    return next((size for size in _SHADOW_MAPS if size >= 2.5 * width), _SHADOW_MAPS[-1])
 
 
 def _intrinsics(values: ArrayLike) -> Array:
