@@ -57,6 +57,7 @@ bench: $(DEV)  ## measure, in turns with the peers, and print and keep the table
 images: $(DEV)  ## draw the pictures that the README and the docs show
 	$(BIN)/python tools/make_control_figures.py
 	$(BIN)/python tools/make_physics_figure.py
+	$(BIN)/python tools/make_seeing_figures.py
 	$(BIN)/python tools/make_images.py
 
 screenshots: $(DEV)  ## photograph the pages that the manual shows
