@@ -64,7 +64,7 @@ def tables(found: dict[str, Any]) -> list[Table]:
     load = Table(
         f"Unknown payload of {PAYLOAD} kg, all masses wrong: steady error",
         ("masses", "formulation", "with observer [deg]", "without [deg]"),
-        [(*row[:2], f"{row[2]:.4f}", f"{row[3]:.2f}") for row in found["load"]],
+        [(*row[:2], f"{row[2]:.1e}", f"{row[3]:.2f}") for row in found["load"]],
         "At the end of 3 s.",
     )
     struck = Table(

@@ -27,6 +27,7 @@ from benchmarks.tables import Table
 IN_TIME = 2.0  # [s]
 WATCHED = 0.5  # [s]: how long after that a settled arm is watched
 PLANT_DT = 0.002  # [s]
+_AT_END = 1e-4  # [rad]
 
 
 @dataclass(frozen=True)
@@ -209,6 +210,10 @@ def _cause(
     stands_off = bool((np.abs(recording.e[late]) >= SETTLED_ERROR).any())
     too_fast = bool((np.abs(recording.v[late]) >= SETTLED_SPEED).any())
     what = " and ".join(["error"] * stands_off + ["speed"] * too_fast)
+    limits = _robot().limits
+    at_end = (recording.q <= limits.q_min + _AT_END) | (recording.q >= limits.q_max - _AT_END)
+    if stands_off and at_end[late].all(axis=0).any():
+        return "a joint leans on its end stop"
     if settles(replace(conditions, noise_deg=0.0)):
         return f"noise ({what})"
     if settles(replace(conditions, model_error=0.0)):
