@@ -64,11 +64,24 @@ def visit(
     assert all(it.startswith(ours) for it in requests), requests
 
 
+@pytest.fixture(scope="module")
+def opened(browser: Browser, program: Program) -> Iterator[Page]:
+    with visit(browser, program.url) as page:
+        yield page
+
+
 @pytest.fixture
-def page(browser: Browser, program: Program) -> Iterator[Page]:
-    with visit(browser, program.url) as opened:
-        opened.wait_for_function(f"{LAST}.holder === studioFacts.tab")
-        yield opened
+def page(opened: Page) -> Page:
+    """The page, with the controls in its hands and the arm at rest."""
+    take_the_controls(opened)
+    rest(opened)
+    return opened
+
+
+def take_the_controls(page: Page) -> None:
+    if not page.evaluate(f"{LAST}.holder === studioFacts.tab"):
+        page.get_by_role("button", name="Take the controls").click()
+        page.wait_for_function(f"{LAST}.holder === studioFacts.tab")
 
 
 def snap(page: Page, name: str) -> None:
@@ -124,7 +137,6 @@ def canvas_click(page: Page, pixel: list[int]) -> None:
 
 
 def test_a_click_learns_a_colour_which_is_saved_and_loaded(page: Page, program: Program) -> None:
-    rest(page)
     panel(page, "See")
     page.wait_for_function(f"{LAST}.seen.some((it) => it.name === 'red')")
     red = page.evaluate(f"{LAST}.seen.find((it) => it.name === 'red').pixel")
@@ -170,7 +182,6 @@ def test_the_light_dims_the_picture(page: Page) -> None:
 
 
 def test_an_object_that_is_clicked_is_aimed_at(page: Page) -> None:
-    rest(page)
     panel(page, "Aim")
     green = page.evaluate(f"{LAST}.seen.find((it) => it.name === 'green').pixel")
     canvas_click(page, green)
@@ -189,7 +200,6 @@ def test_an_object_that_is_clicked_is_aimed_at(page: Page) -> None:
 def test_the_arm_arrives_and_the_page_shows_every_link_where_pinocchio_says(
     page: Page, robot: Robot
 ) -> None:
-    rest(page)
     aim_at(page, 16, -4, 4)
     expect(page.locator(".answer")).to_contain_text("The target is reached")
     run(page)
@@ -216,7 +226,6 @@ def test_the_arm_arrives_and_the_page_shows_every_link_where_pinocchio_says(
 
 
 def test_escape_stops_the_arm_in_the_middle_of_a_run(page: Page) -> None:
-    rest(page)
     panel(page, "Tune")
     focus_slider(page, "Input R")
     for _ in range(30):  # a dearer input makes the arm slow
@@ -238,7 +247,6 @@ def test_escape_stops_the_arm_in_the_middle_of_a_run(page: Page) -> None:
 
 
 def test_time_pauses_and_goes_on_step_by_step(page: Page) -> None:
-    rest(page)
     page.get_by_role("button", name="Pause").click()
     page.wait_for_function(f"{LAST}.paused")
     before = page.evaluate(f"{LAST}.t.at(-1)")
@@ -249,11 +257,20 @@ def test_time_pauses_and_goes_on_step_by_step(page: Page) -> None:
     page.wait_for_function(f"!{LAST}.paused")
 
 
+def test_a_newcomer_grasps_with_one_click(page: Page) -> None:
+    page.wait_for_function(f"{LAST}.seen.length > 0")
+    page.locator(".transport").get_by_role("button", name="Grasp").click()
+    expect(page.locator("#status")).to_contain_text("By itself")
+    page.get_by_text("The task is done").wait_for(timeout=180_000)
+    snap(page, "grasped")
+    panel(page, "Move")
+    page.get_by_role("button", name="Restart").click()
+
+
 # ---- tune and understand -----------------------------------------------------------------------
 
 
 def test_a_heavier_link_takes_more_torque(page: Page) -> None:
-    rest(page)
     aim_at(page, 20, 0, 2)
     run(page)
     page.wait_for_function(f"{LAST}.arrived")
@@ -274,7 +291,6 @@ def test_a_heavier_link_takes_more_torque(page: Page) -> None:
 
 
 def test_a_push_and_a_payload_show_in_the_charts(page: Page) -> None:
-    rest(page)
     panel(page, "Move")
     page.get_by_role("button", name="joint1").click()
     page.wait_for_function(f"{LAST}.v.some((row) => Math.abs(row[0]) > 0.05)")
@@ -291,7 +307,6 @@ def test_a_push_and_a_payload_show_in_the_charts(page: Page) -> None:
 
 
 def test_what_is_kept_is_written_into_the_folder(page: Page, program: Program) -> None:
-    rest(page)
     aim_at(page, 15, 5, 5)
     run(page)
     page.wait_for_function(f"{LAST}.arrived")
@@ -313,9 +328,7 @@ def test_one_tab_holds_the_controls_and_a_lost_one_leaves_the_arm_safe(
 ) -> None:
     with visit(browser, program.url) as second:
         with visit(browser, program.url) as first:
-            if not first.evaluate(f"{LAST}.holder === studioFacts.tab"):
-                first.get_by_role("button", name="Take the controls").click()
-            first.wait_for_function(f"{LAST}.holder === studioFacts.tab")
+            take_the_controls(first)
             second.get_by_role("button", name="Run").click()
             second.get_by_text("Another tab holds the controls").wait_for()
             aim_at(first, 14, -10, 4)
@@ -323,8 +336,7 @@ def test_one_tab_holds_the_controls_and_a_lost_one_leaves_the_arm_safe(
             second.wait_for_function(f"{LAST}.mode === 1")  # it sees the same
         second.wait_for_function(f"{LAST}.mode === 0")  # and that the arm has been stopped
         second.wait_for_function(f"{LAST}.holder === null")
-        second.get_by_role("button", name="Take the controls").click()
-        second.wait_for_function(f"{LAST}.holder === studioFacts.tab")
+        take_the_controls(second)
 
 
 # ---- how it looks ------------------------------------------------------------------------------

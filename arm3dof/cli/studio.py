@@ -24,6 +24,7 @@ from arm3dof.errors import MissingExtra
 
 if TYPE_CHECKING:  # the page and its processes load only where they are shown
     from arm3dof.runtime.live.eye_process import EyeSpec
+    from arm3dof.ui.studio.studio import TargetStore
     from arm3dof.vision.camera import Camera
     from arm3dof.vision.colour import ColourTarget
 
@@ -88,7 +89,7 @@ def studio(
 
     check_entry(host, token)
     arm = robot_from(robot, changes)
-    eye = _eye(camera, camera_file)
+    eye = eye_spec(camera, camera_file)
     writable(folder)
 
     def announce(url: str) -> None:
@@ -98,7 +99,7 @@ def studio(
         output.deliver({"url": url, "robot": arm.name}, as_json=as_json, show=show)
 
     overrides = read_overrides(changes)
-    live = Studio(robot, arm, home(arm), eye, folder, _Targets(), overrides=overrides)
+    live = Studio(robot, arm, home(arm), eye, folder, camera_store(), overrides=overrides)
     try:
         serve = partial(LocalServer, build_site(live), host=host, token=token)
         serve_until_interrupted(serve, port, browser=browser, announce=announce)
@@ -121,7 +122,21 @@ class _Targets:
         return tuple(load_camera(path).targets.values())
 
 
-def _eye(where: str, camera_file: str | None) -> EyeSpec:
+def camera_store() -> TargetStore:
+    """Return what writes and reads a camera's file, which the page itself may not know."""
+    return _Targets()
+
+
+def eye_spec(where: str, camera_file: str | None) -> EyeSpec:
+    """Return what the eye looks through.
+
+    Args:
+        where: ``world``, the number of a device, or what ``frames`` takes.
+        camera_file: a CAMERA.toml or a preset; ``None`` for the usual one.
+
+    Raises:
+        ArmError: the file cannot be read.
+    """
     from arm3dof.config.camera_file import load_camera
     from arm3dof.runtime.live.eye import Watch
     from arm3dof.runtime.live.eye_process import EyeSpec

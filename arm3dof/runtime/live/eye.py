@@ -18,6 +18,7 @@ from arm3dof.sim.scene import Light, Scene, draw
 from arm3dof.vision.annotate import annotate
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import ColourTarget, HsvRange, Image, blurred_hsv
+from arm3dof.vision.learn import learn_colour
 from arm3dof.vision.locate import View, look
 from arm3dof.vision.sources import Frame
 
@@ -65,11 +66,13 @@ class Learned(NamedTuple):
 
     Attributes:
         pick: what was asked.
-        hsv: the colour; ``None`` when nothing there stands out.
+        hsv: the colour; ``None`` when none can be learned there.
+        why: why not, in words.
     """
 
     pick: Pick
     hsv: HsvRange | None
+    why: str = ""
 
 
 class Sight(NamedTuple):
@@ -143,11 +146,10 @@ class Watcher:
 
     def learn(self, pick: Pick) -> Learned:
         """Find the colour of what is at a pixel of the last picture."""
-        picture = self.picture
-        height, width = picture.shape[:2]
-        if not (0 <= pick.u < width and 0 <= pick.v < height):
-            raise InputError(f"pixel ({pick.u}, {pick.v}) is not in the {width} x {height} picture")
-        return Learned(pick, _colour_at(picture, pick.u, pick.v))
+        try:
+            return Learned(pick, learn_colour(self.picture, (pick.u, pick.v)).hsv)
+        except InputError as error:
+            return Learned(pick, None, str(error))
 
     def _mask(self, picture: Image) -> bytes:
         shown = [it for it in self._watch.targets if it.name == self._watch.shown]
@@ -157,17 +159,6 @@ class Watcher:
         dimmed = (picture // 5).astype(np.uint8)
         dimmed[inside] = picture[inside] // 2 + np.array(_MASK_TINT, np.uint8) // 2
         return _jpeg(dimmed)
-
-
-def _colour_at(picture: Image, u: int, v: int) -> HsvRange | None:
-    """Return bounds around the colours near a pixel that are like the one at it."""
-    hsv = blurred_hsv(picture)
-    near = hsv[max(v - 4, 0) : v + 5, max(u - 4, 0) : u + 5].reshape(-1, 3).astype(int)
-    hue, saturation, value = (int(part) for part in np.median(near, axis=0))
-    if saturation < 60 or value < 25:
-        return None
-    low = ((hue - 9) % 180, max(saturation - 80, 50), max(value - 110, 25))
-    return HsvRange(low, ((hue + 9) % 180, 255, 255))
 
 
 def _jpeg(picture: Image) -> bytes:

@@ -27,7 +27,7 @@ from arm3dof.runtime.live.process import ArmProcess, ArmSpec, News
 from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.sim.world import World
 from arm3dof.ui.broadcast import Broadcast
-from arm3dof.ui.report import write_replay
+from arm3dof.ui.report import write_report
 from arm3dof.ui.studio import feed
 from arm3dof.ui.studio.controls import Controls
 from arm3dof.ui.studio.fields import control_changes
@@ -227,14 +227,15 @@ class Studio:
         recording = self.runs.recording(self.robot, self.control)
         return recording.save(self.out / free_name(self.out, "run", ".npz"))
 
-    def save_replay(self) -> Path:
+    def save_report(self) -> Path:
         """Write the last run as one HTML file, and return where.
 
         Raises:
             InputError: there was no run, or the folder cannot be written.
         """
         recording = self.runs.recording(self.robot, self.control)
-        return write_replay(recording, self.out / free_name(self.out, "replay", ".html"))
+        picture = None if self.sight is None else self.sight.jpeg
+        return write_report(recording, self.out / free_name(self.out, "report", ".html"), picture)
 
     def save_settings(self) -> Path:
         """Write what is tuned as TOML, and return where."""

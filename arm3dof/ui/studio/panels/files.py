@@ -25,7 +25,7 @@ class Files:
         heading("Keep the last run")
         with ui.element("div").classes("line"):
             button("Recording", "save", "Write the last run as run.npz", self._recording)
-            button("Replay", "movie", "Write the last run as one HTML file", self._replay)
+            button("Report", "summarize", "Write the last run as one HTML file", self._report)
         heading("Keep the settings")
         with ui.element("div").classes("line"):
             button("TOML", "tune", "Write what is tuned as studio.toml", self._toml)
@@ -51,8 +51,8 @@ class Files:
     def _recording(self) -> None:
         self._write(self._studio.save_run)
 
-    def _replay(self) -> None:
-        self._write(self._studio.save_replay)
+    def _report(self) -> None:
+        self._write(self._studio.save_report)
 
     def _toml(self) -> None:
         self._write(self._studio.save_settings)

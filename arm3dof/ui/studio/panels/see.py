@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from nicegui import events, ui
 
-from arm3dof.runtime.live.eye import Pick, Watch
+from arm3dof.runtime.live.eye import Learned, Pick, Watch
 from arm3dof.ui.studio.tab import Tab
 from arm3dof.ui.studio.widgets import Field, button, heading, slider
 from arm3dof.vision.colour import ColourTarget, HsvRange, Shape
@@ -77,7 +77,7 @@ class See:
         if learned is not None and learned is not self._learned:
             self._learned = learned
             if learned.pick.tab == self._tab.id:
-                self._take(learned.hsv)
+                self._take(learned)
         if watch is self._shown:
             return
         self._shown = watch
@@ -152,11 +152,11 @@ class See:
         if (kind := self._kind) is not None:
             self._tab.attempt(lambda: self._replace(kind.name, self._described(kind.name)))
 
-    def _take(self, hsv: HsvRange | None) -> None:
-        """Give the chosen kind a colour that was learned, or say that there was none."""
-        kind = self._kind
+    def _take(self, learned: Learned) -> None:
+        """Give the chosen kind a colour that was learned, or say why there was none."""
+        kind, hsv = self._kind, learned.hsv
         if hsv is None:
-            ui.notify("Nothing there stands out by its colour; click in the middle of an object.")
+            ui.notify(learned.why[0].upper() + learned.why[1:], multi_line=True)
         elif kind is not None:
             self._tab.attempt(lambda: self._replace(kind.name, dataclasses.replace(kind, hsv=hsv)))
             ui.notify(f"Learned the colour of '{kind.name}'", type="positive")
