@@ -22,12 +22,14 @@ class Job:
     Attributes:
         grip: how it is grasped.
         placing: how it is put down.
+        place: where it is to stand, (x, y) [m].
         obstacles: what else stands around.
         payload: its mass as far as it is known [kg].
     """
 
     grip: Grip
     placing: Placing
+    place: tuple[float, float]
     obstacles: tuple[Obstacle, ...]
     payload: float
 
@@ -140,7 +142,7 @@ class Sorting:
         """
         self._trays = {tray.target: tray for tray in trays}
         self._payload, self._attempts = payload, attempts
-        self._filled = dict.fromkeys(self._trays, 0)
+        self._filled: dict[str, list[Obstacle]] = {name: [] for name in self._trays}
         self._tried: list[tuple[Standing, int]] = []
         self.given_up: list[Refusal] = []
         self.finished, self.ends_when_empty = False, True
@@ -149,9 +151,13 @@ class Sorting:
         """Return the job that is easiest to do; see ``Goal``."""
         loose = [it for it in things if not any(t.holds(it) for t in self._trays.values())]
         wanted = [it for it in loose if it.target in self._trays and self._tries(it) > 0]
+        # what lies in a bin may be out of the camera's view, and is remembered
+        stored = [it for filled in self._filled.values() for it in filled]
         found = [
             self._job(
-                gripping, thing, tuple(gripping.obstacle(it) for it in things if it is not thing)
+                gripping,
+                thing,
+                (*(gripping.obstacle(it) for it in loose if it is not thing), *stored),
             )
             for thing in wanted
         ]
@@ -164,7 +170,11 @@ class Sorting:
 
     def did(self, job: Job) -> None:
         """Note that a thing is in its bin."""
-        self._filled[job.grip.thing.target] += 1
+        thing, (x, y) = job.grip.thing, job.place
+        name = f"what was put down at ({x:.3f}, {y:.3f}) m"
+        radius = thing.width_m / 2
+        top = job.placing.point[2] - job.grip.height + thing.height_m
+        self._filled[thing.target].append(Obstacle(name, x, y, radius, float(top)))
 
     def failed(self, job: Job, failure: Failure) -> bool:
         """Count an attempt at a thing; there are always others."""
@@ -186,7 +196,7 @@ class Sorting:
         tray, payload = self._trays[thing.target], self._payload
         mass = payload if isinstance(payload, float | int) else payload.get(thing.target, 0.0)
         slots = tray.slots()
-        first = self._filled[thing.target] % len(slots)
+        first = len(self._filled[thing.target]) % len(slots)
         job: Job | Refusal = Refusal(Failure.OUT_OF_REACH, "there is no such bin")
         for slot in slots[first:] + slots[:first]:
             job = _job(gripping, thing, others, slot, float(mass), tray.wall_m)
@@ -209,7 +219,7 @@ def _job(
     placing = gripping.placing(grip, *place, others, floor)
     if isinstance(placing, Refusal):
         return placing
-    return Job(grip, placing, others, payload)
+    return Job(grip, placing, place, others, payload)
 
 
 def _ease(job: Job) -> float:

@@ -326,9 +326,11 @@ class PickAndPlace:
     # ---- ending ----------------------------------------------------------------------------
 
     def _return(self, t: float, state: JointState, gripper: Gripper) -> None:
-        if self._progress(t, state) is None:
+        progress = self._progress(t, state)
+        if progress is Event.STOPPED:
+            self._home_from(t, state)  # from where it is now
+        if progress is not Event.ARRIVED:
             return
-        self._target = self._home
         if self.failure is not None and not self._worth:
             self._go(t, Event.GIVEN_UP, self.failure.sentence)
         else:

@@ -38,7 +38,7 @@ TIME_LIMIT = 240.0
 """For all of them [s]."""
 _BELIEVED_MASS = 0.035  # of each of them [kg]
 _BIN_RADIUS, _BIN_HALF = 0.19, (0.06, 0.06)  # [m]
-_BIN_BEARINGS = (-1.45, 1.45, -2.27)  # [rad]
+_BIN_BEARINGS = (-1.38, 1.45, -2.08)  # [rad]; the base turns to -2.35
 
 
 @dataclass(frozen=True)
