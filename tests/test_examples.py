@@ -14,7 +14,15 @@ def test_there_are_examples():
     assert len(EXAMPLES) >= 5
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+SLOW = {"16_sort"}  # half a minute of physics
+
+
+def marked(path):
+    marks = [pytest.mark.slow] if path.stem in SLOW else []
+    return pytest.param(path, marks=marks, id=path.stem)
+
+
+@pytest.mark.parametrize("path", [marked(path) for path in EXAMPLES])
 def test_example(path, tmp_path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 80
     run = subprocess.run(

@@ -12,25 +12,37 @@ from numpy.typing import NDArray
 
 import arm3dof
 from arm3dof.config.camera_file import load_camera
-from arm3dof.ui.demo import tell
-from arm3dof.ui.demo_scene import draw_demo
+from arm3dof.runtime.tasks.goals import Grasping
+from arm3dof.runtime.tasks.grasp_trial import judge
+from arm3dof.runtime.tasks.scenes import three_objects
 from arm3dof.ui.report import write_replay
+from arm3dof.ui.task_story import tell_task
 
 WIDTH, GAP = 1360, 10  # of the README's picture [px]
+SEED, CARRIED = 0, 0.42  # of the table; when in the run the object is in the air
 
 Picture = NDArray[np.uint8]
 
 
 def main() -> None:
-    """Write docs/images/demo.jpg: what was seen, the arm at it, and the motion in figures."""
-    camera, targets = load_camera("paper")
-    picture = draw_demo(camera, np.random.default_rng(0))
+    """Write docs/images/demo.jpg: what was seen, the arm with its object, the motion in figures."""
+    robot = arm3dof.load_robot()
+    camera, targets = load_camera("front")
+    task = three_objects(robot, np.random.default_rng(SEED), "green", ("green", "red", "blue"))
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        robot = arm3dof.load_robot()
-        story = tell(robot, picture, camera, [targets["green"]], folder, duration=3.0)
-        if story.recording is None:
-            raise SystemExit(f"nothing to photograph: {story.outcome.sentence}")
+        story = tell_task(
+            robot,
+            task.world,
+            Grasping(task.target, task.place, task.body.mass),
+            lambda result, verdicts: judge(task, result, verdicts[task.body.name]),
+            camera,
+            tuple(targets.values()),
+            folder,
+            np.random.default_rng(SEED),
+        )
+        if not story.judgement.yes:
+            raise SystemExit(f"nothing to photograph: {story.judgement.sentence}")
         replay = write_replay(story.recording, folder / "replay.html")
         seen = cv2.imread(str(folder / "seen.png"))
         page = photograph(replay, folder / "page.png")
@@ -45,9 +57,13 @@ def main() -> None:
 
 
 def photograph(page: Path, to: Path) -> Picture:
-    """Open a replay in a browser, wait for its end, and return what it shows."""
+    """Open a replay in a browser, wind it to where the object is carried, and photograph it."""
     with browser() as chromium, opened(chromium, page.as_uri(), 1080, 720) as tab:
-        tab.evaluate("() => { player.setPlaying(false); player.seek(player.frames - 1); }")
+        tab.evaluate(
+            "(share) => { player.setPlaying(false);"
+            " player.seek(Math.round(share * player.frames)); }",
+            CARRIED,
+        )
         tab.wait_for_timeout(4000)  # the page sharpens a picture that stands still
         tab.screenshot(path=to)
     return np.asarray(cv2.imread(str(to)), dtype=np.uint8)
