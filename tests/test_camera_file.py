@@ -91,7 +91,7 @@ def test_saving_and_loading_is_exact(tmp_path):
 
 
 def test_the_presets_see_the_table_in_front_of_the_arm():
-    assert presets() == ("desk", "paper")
+    assert presets() == ("desk", "front", "paper")
     assert load_camera("paper").camera.position.tolist() == [0.10, 0.125, 0.08]  # the paper's
     bearings, radii = np.meshgrid(np.radians(np.arange(-45, 46, 5)), np.linspace(0.12, 0.23, 12))
     points = np.stack([radii * np.cos(bearings), radii * np.sin(bearings), 0 * radii - 0.09], -1)
@@ -177,7 +177,7 @@ def test_each_fault_is_one_line_with_key_value_and_cure(text, message):
 
 
 def test_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(MissingFile, match=r"no\.toml: No such file.*presets: desk, paper"):
+    with pytest.raises(MissingFile, match=r"no\.toml: No such file.*presets: desk, front, paper"):
         load_camera(tmp_path / "no.toml")
     with pytest.raises(MissingFile, match="Is a directory"):
         load_camera(tmp_path)

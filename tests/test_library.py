@@ -225,6 +225,8 @@ def test_coupled_fingers_are_held_unless_something_else_is_said(path):
     assert moved.description.locked_joints == {"finger": 0.01, "follower": 0.01}
     free = load_robot(path, locked_joints=["follower"])
     assert free.joint_names == ("pan", "elbow", "slide", "finger")
+    stiff = load_robot(path, locked_joints={"elbow": 0.3})
+    assert stiff.description.locked_joints == {"elbow": 0.3, "finger": 0.0, "follower": 0.0}
 
 
 def test_the_reference_arms_gripper_can_be_held_anywhere_or_moved():

@@ -76,10 +76,13 @@ class _Found:
     def locks(
         self, asked: Mapping[str, float] | Collection[str] | None, urdf: Urdf
     ) -> dict[str, float]:
-        """Return where joints are held: as asked, else as known, else fingers that are coupled."""
+        """Return where joints are held: as asked, else as known, and fingers that are coupled."""
         if asked is None:
             asked = coupled_joints(urdf) if self.locked_joints is None else self.locked_joints
-        return lock_positions(urdf, asked)
+        locked = lock_positions(urdf, asked)
+        if locked and self.locked_joints is None:
+            locked |= lock_positions(urdf, coupled_joints(urdf, named=locked))
+        return locked
 
 
 def load_robot(
@@ -99,8 +102,9 @@ def load_robot(
             ``arm3dof.model.overrides``.
         locked_joints: joints to hold fixed: names (held at 0, or at the limit nearest to it) or
             names with positions [rad or m]; what mimics a locked joint follows it. It replaces
-            the default: the fingers of a library robot, and for others (the bundled arm too)
-            every joint that another one mimics, as the fingers of a gripper do, held at 0.
+            the default of a library robot, its fingers. In others (the bundled arm too) joints
+            that another one mimics, as the fingers of a gripper do, are held at 0 besides,
+            unless one of them is named, or ``()`` asks for no lock at all.
         tool_frame: the frame to bring to targets. Without it: a library robot's own; for another
             robot the first link that moves and is called tool, tool0, tcp, ee_link or the like
             (``build.TOOL_NAMES``), else the last link of its longest chain.

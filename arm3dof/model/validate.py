@@ -115,13 +115,22 @@ def lock_positions(
     return locked | _followers(urdf, locked)
 
 
-def coupled_joints(urdf: Urdf) -> tuple[str, ...]:
-    """Return the movable joints that others mimic and that mimic none: what drives a gripper."""
-    followed = {joint.mimics.joint for joint in urdf.moving_joints if joint.mimics is not None}
+def coupled_joints(urdf: Urdf, named: Collection[str] = ()) -> tuple[str, ...]:
+    """Return the movable joints that others mimic and that mimic none: what drives a gripper.
+
+    Args:
+        urdf: the robot.
+        named: joints to leave out, and with a follower what it follows.
+    """
+    followed = {
+        joint.mimics.joint
+        for joint in urdf.moving_joints
+        if joint.mimics is not None and joint.name not in named
+    }
     return tuple(
         joint.name
         for joint in urdf.moving_joints
-        if joint.name in followed and joint.mimics is None
+        if joint.name in followed.difference(named) and joint.mimics is None
     )
 
 
