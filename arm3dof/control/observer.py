@@ -89,11 +89,10 @@ class Observer:
         if self.jumped or self._known < len(self._commands):
             self.filter.restart(state)  # what acted before the first command is not known
             return False
-        share = self._part / self._dt
-        u, torque = (
-            share * before + (1 - share) * now
-            for before, now in zip(self._commands[0], self._commands[1], strict=True)
-        )
+        u, torque = self._commands[1]
+        if self._part > 0:  # the command before it acted for the first part of the sample
+            share, before = self._part / self._dt, self._commands[0]
+            u, torque = u + share * (before[0] - u), torque + share * (before[1] - torque)
         q, v = self.filter.q, self.filter.v
         lasting = self.filter.update(u, gap, state)
         if self._gain == 0:
@@ -143,9 +142,9 @@ class Observer:
         else:
             self.estimator.learn()
             taught = self.estimator.teach(self._robot)
-        # what load and masses explain from now on is no longer a disturbance, and the reverse
-        moved = self.estimator.explained() - explained
-        learned = self.disturbance + moved - self._gain * surprise
+        learned = self.disturbance - self._gain * surprise
+        if taught:  # what load and masses explain now is no longer a disturbance, and the reverse
+            learned += self.estimator.explained() - explained
         self.disturbance = np.minimum(np.maximum(learned, -limit), limit)
         return taught
 
@@ -156,10 +155,10 @@ class Observer:
         against ever harder. And a disturbance that was learned on the way there, and cannot be
         unlearned where nothing moves, is given up while the joint should leave.
         """
-        near = _STOP + self.filter.noise
-        end = np.where(q >= self._q_max - near, 1.0, 0.0) - (q <= self._q_min + near)
-        if not any(end.tolist()):
+        near = _STOP + max(self.filter.noise.tolist())
+        if ((q > self._q_min + near) & (q < self._q_max - near)).all():
             return False
+        end = np.where(q >= self._q_max - near, 1.0, 0.0) - (q <= self._q_min + near)
         held = end * surprise > 0
         surprise[held] = 0.0
         leaving = (end * acceleration < 0) & (end * self.disturbance < 0)
