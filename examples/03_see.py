@@ -9,7 +9,8 @@ from arm3dof.config.camera_file import load_camera
 from arm3dof.ui.demo_scene import draw_demo
 from arm3dof.vision.annotate import annotate
 from arm3dof.vision.colour import ColourTarget, HsvRange
-from arm3dof.vision.locate import focal_length, look
+from arm3dof.vision.focal import focal_length
+from arm3dof.vision.locate import look
 from arm3dof.vision.sources import write_image
 
 # A camera is a TOML file: intrinsics, pose, and the objects it knows. "paper" is a preset.

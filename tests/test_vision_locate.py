@@ -10,15 +10,13 @@ from arm3dof.sim.shapes import Ball, Cylinder
 from arm3dof.sim.table import Table
 from arm3dof.vision.camera import Camera, intrinsics, look_at
 from arm3dof.vision.colour import BlobSettings, ColourTarget, HsvRange, find_blobs
-from arm3dof.vision.locate import (
+from arm3dof.vision.focal import (
     FocalReference,
-    Located,
     depth_from_width,
     focal_from_picture,
     focal_length,
-    look,
-    see,
 )
+from arm3dof.vision.locate import Located, look, see
 from arm3dof.vision.outline import extent, trace
 from arm3dof.vision.placing import Refusal
 

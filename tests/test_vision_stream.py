@@ -2,6 +2,7 @@
 
 import socket
 import threading
+from collections import deque
 from contextlib import contextmanager
 
 import cv2
@@ -139,3 +140,22 @@ def test_no_server_is_one_line():
         next(frames(f"http://127.0.0.1:{port}/"))
     with pytest.raises(InputError, match="cannot be opened"):
         next(frames("http://"))
+
+
+def test_whatever_a_server_sends_it_ends_in_one_line():
+    rng = np.random.default_rng(0)
+    whole = b"".join(part(it) for it in PICTURES)
+    for _ in range(40):
+        body = bytearray(whole)
+        for _ in range(rng.integers(1, 30)):  # bytes are changed, lost and put in
+            spot = int(rng.integers(len(body)))
+            match rng.integers(3):
+                case 0:
+                    body[spot] = rng.integers(256)
+                case 1:
+                    del body[spot : spot + int(rng.integers(1, 200))]
+                case _:
+                    body[spot:spot] = rng.bytes(int(rng.integers(1, 200)))
+        with server(HEAD % b"it", bytes(body)) as url, pytest.raises(ArmError) as caught:
+            deque(frames(url, timeout=1.0), maxlen=0)
+        assert "\n" not in str(caught.value)

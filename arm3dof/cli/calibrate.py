@@ -62,8 +62,8 @@ def focal(
 
     Without --hsv the most conspicuous object is taken. The answer is no when none is found.
     """
+    from arm3dof.vision.focal import focal_from_picture
     from arm3dof.vision.guess import guess_colour
-    from arm3dof.vision.locate import focal_from_picture
     from arm3dof.vision.sources import read_image
 
     picture = read_image(image)
