@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
 
 from arm3dof.cli import output
-from arm3dof.cli.options import JsonFlag, number, numbers
+from arm3dof.cli.options import JsonFlag
+from arm3dof.cli.prints import board_size, find_print, read_points
 from arm3dof.cli.progress import counted
 from arm3dof.cli.see import Hsv, Picture, read_hsv
-from arm3dof.errors import InputError, MissingFile
-from arm3dof.state import Array
+from arm3dof.errors import InputError
 
 if TYPE_CHECKING:  # OpenCV loads only where a picture is looked at
     from arm3dof.vision.camera import Camera
@@ -110,7 +108,7 @@ def chessboard(
     from arm3dof.vision.chessboard import board_corners, board_points, calibrate_lens
     from arm3dof.vision.sources import frames
 
-    columns, rows = _board_size(board)
+    columns, rows = board_size(board)
     points = board_points(columns, rows, square_m or 0)
     names, corners, size = [], [], None
     pictures = [frame for source in images for frame in frames(source)]
@@ -212,9 +210,9 @@ def pose(
         raise InputError("no camera: give --camera with a CAMERA.toml whose lens is known")
     known = load_camera(camera).camera
     if points is not None:
-        p_base, pixels = _read_points(points)
+        p_base, pixels = read_points(points)
     else:
-        p_base, pixels = _print(image, aruco, size_m, board, square_m, at, yaw_deg)
+        p_base, pixels = find_print(image, aruco, size_m, board, square_m, at, yaw_deg)
     found = calibrate_pose(p_base, pixels, known, same_points=board is not None)
     files = []
     if save is not None and found.good:
@@ -244,69 +242,6 @@ def pose(
         _finish(console, [it.value for it in found.troubles], files)
 
     return output.deliver(report, as_json=as_json, show=show, yes=found.good)
-
-
-def _print(
-    image: Path | None,
-    aruco: int | None,
-    size_m: float | None,
-    board: str | None,
-    square_m: float | None,
-    at: str | None,
-    yaw_deg: float,
-) -> tuple[Array, Array]:
-    """Find a print in a picture; returns its points in the base frame and where they are seen."""
-    from arm3dof.vision.chessboard import board_corners, board_points
-    from arm3dof.vision.pose import lying, marker_corners, marker_points
-    from arm3dof.vision.sources import read_image
-
-    if image is None or at is None or (aruco is None) == (board is None):
-        raise InputError(
-            "give IMAGE, --at X,Y,Z and one of --aruco ID --size-m S and --board CxR --square-m S; "
-            "or --points CSV"
-        )
-    picture = read_image(image)
-    if aruco is not None:
-        flat, seen = marker_points(size_m or 0), marker_corners(picture, aruco)
-        what = f"marker {aruco}"
-    else:
-        columns, rows = _board_size(board or "")
-        flat, seen = (
-            board_points(columns, rows, square_m or 0),
-            board_corners(picture, columns, rows),
-        )
-        what = f"whole board of {board} corners"
-    if seen is None:
-        raise InputError(f"no {what} is in {image}; let all of it and a white margin be seen")
-    place = lying(flat, numbers(at, 3, "--at"), math.radians(yaw_deg))
-    return place, seen
-
-
-def _read_points(path: Path) -> tuple[Array, Array]:
-    """Read points in space and their pixels from a CSV file with a head."""
-    names = ["x", "y", "z", "u", "v"]
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(file, skipinitialspace=True)
-            if not set(names) <= set(reader.fieldnames or ()):
-                raise InputError(f"{path} lacks columns; give a head with x,y,z,u,v")
-            rows = [
-                [number(row[name] or "", f"{path} line {line}: {name}") for name in names]
-                for line, row in enumerate(reader, start=2)
-            ]
-    except OSError as error:
-        raise MissingFile(f"cannot read {path}: {error.strerror}; give a CSV file") from None
-    except (UnicodeDecodeError, csv.Error):
-        raise InputError(f"{path} is not a CSV file") from None
-    table = np.array(rows, dtype=np.float64).reshape(-1, 5)
-    return table[:, :3], table[:, 3:]
-
-
-def _board_size(text: str) -> tuple[int, int]:
-    parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.isdecimal() for part in parts):
-        raise InputError(f"--board is '{text}'; give the inner corners as COLUMNSxROWS, like 9x6")
-    return int(parts[0]), int(parts[1])
 
 
 def _with_lens(camera: Camera, lens: LensCalibration) -> Camera:
