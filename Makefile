@@ -5,6 +5,7 @@ PYTHON ?= python3
 ARGS   ?=
 BIN    := .venv/bin
 BASE   := .venv/.installed
+LIVE   := .venv/.installed-studio
 DEV    := .venv/.installed-dev
 DOCS   := .venv/.installed-docs
 
@@ -13,13 +14,16 @@ export OMP_NUM_THREADS := 1
 PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-fast test-slow lint format types contract docs bench images screenshots clean
+.PHONY: help demo studio test test-fast test-slow lint format types contract docs bench images screenshots clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s  %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 demo: $(BASE)  ## picture -> target -> motion, then a page that plays it (ARGS=--no-serve: no page)
 	$(BIN)/arm3dof demo --out out $(ARGS)
+
+studio: $(LIVE)  ## a live page: see, aim, grasp, tune (ARGS=--no-browser: only serve it)
+	$(BIN)/arm3dof studio $(ARGS)
 
 test: $(DEV)  ## the tests, browser tests included; about two minutes
 	@$(BIN)/python tools/ensure_chromium.py
@@ -72,10 +76,14 @@ $(BASE): pyproject.toml constraints.txt tools/bootstrap.py
 	@$(PYTHON) tools/bootstrap.py physics
 	@touch $@
 
+$(LIVE): pyproject.toml constraints.txt tools/bootstrap.py
+	@$(PYTHON) tools/bootstrap.py physics studio share
+	@touch $@ $(BASE)
+
 $(DEV): pyproject.toml constraints.txt tools/bootstrap.py
 	@$(PYTHON) tools/bootstrap.py dev robots physics studio share
-	@touch $@ $(BASE)
+	@touch $@ $(LIVE) $(BASE)
 
 $(DOCS): pyproject.toml constraints.txt tools/bootstrap.py
 	@$(PYTHON) tools/bootstrap.py dev robots physics studio share docs
-	@touch $@ $(DEV) $(BASE)
+	@touch $@ $(DEV) $(LIVE) $(BASE)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from arm3dof.cli import output
 from arm3dof.cli.options import JsonFlag
@@ -74,8 +75,12 @@ def report_run(
         raise InputError("--picture is shown in the page or the log; give --out or --mcap too")
     files = _write(recording, page, picture, video, stills, log)
 
+    from arm3dof.ui.replay import VERDICT
+
     def show(console: Console) -> None:
         show_metrics(console, metrics)
+        if VERDICT in recording.notes:
+            console.print(f"  [dim]{'verdict':13}[/] {escape(recording.notes[VERDICT])}")
         show_files(console, files)
 
     return output.deliver(run_report(metrics, files), as_json=as_json, show=show)
