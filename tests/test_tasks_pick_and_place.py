@@ -10,7 +10,8 @@ from arm3dof.model.library import load_robot
 from arm3dof.runtime.tasks.goals import Grasping, Sorting, Tray
 from arm3dof.runtime.tasks.gripping import Gripping
 from arm3dof.runtime.tasks.machine import Event, Failure, Phase
-from arm3dof.runtime.tasks.pick_and_place import PickAndPlace, Sight
+from arm3dof.runtime.tasks.pick_and_place import PickAndPlace
+from arm3dof.runtime.tasks.signals import Sight
 from arm3dof.state import JointState
 from arm3dof.vision.standing import Standing
 

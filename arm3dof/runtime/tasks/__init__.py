@@ -2,6 +2,6 @@
 
 ``machine`` has the states and what leads from one to the next, ``gripping`` says which things can
 be grasped, ``clearance`` and ``route`` keep the arm off the table and off other things,
-``pick_and_place`` is the task itself, ``goals`` says what it is for, ``sight`` is its eye in
-simulation, and ``run`` joins all of it to a plant.
+``follower`` holds the way that the arm is on, ``pick_and_place`` is the task itself, ``goals`` says
+what it is for, ``sight`` is its eye in simulation, and ``run`` joins all of it to a plant.
 """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Protocol
 
 from arm3dof.runtime.tasks.clearance import Obstacle
@@ -12,6 +13,7 @@ from arm3dof.runtime.tasks.gripping import Grip, Gripping, Placing
 from arm3dof.runtime.tasks.machine import Failure, Refusal
 from arm3dof.vision.standing import Standing
 
+_DROPS = (0.0, 0.015, 0.03)  # above a bin's walls, from which a thing may fall into it [m]
 _SAME = 0.02  # things nearer than this to where one was before are the same thing [m]
 
 
@@ -198,8 +200,9 @@ class Sorting:
         slots = tray.slots()
         first = len(self._filled[thing.target]) % len(slots)
         job: Job | Refusal = Refusal(Failure.OUT_OF_REACH, "there is no such bin")
-        for slot in slots[first:] + slots[:first]:
-            job = _job(gripping, thing, others, slot, float(mass), tray.wall_m)
+        free = slots[first:] + slots[:first]
+        for drop, slot in product(_DROPS, free):  # from higher up where the hand has no room
+            job = _job(gripping, thing, others, slot, float(mass), tray.wall_m + drop)
             if isinstance(job, Job):
                 break
         return job

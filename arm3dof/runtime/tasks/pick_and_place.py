@@ -7,27 +7,23 @@ come, and until then the arm holds where it is.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from arm3dof.control.reference import JointTrajectory, Target
+from arm3dof.runtime.tasks.follower import Follower
 from arm3dof.runtime.tasks.goals import Goal, Job
 from arm3dof.runtime.tasks.gripping import ROOM, Gripping
 from arm3dof.runtime.tasks.machine import TRANSITIONS, Event, Failure, Phase, Refusal, Step
 from arm3dof.runtime.tasks.route import BRISK, CAREFUL, LIFTED, Leg, Pace
+from arm3dof.runtime.tasks.signals import Command, Gripper, Sight
 from arm3dof.state import Array, JointState
 from arm3dof.vision.standing import Standing
+
+__all__ = ["Command", "Gripper", "PickAndPlace", "Sight"]
 
 _LOOKS = 2  # pictures in a row that must agree
 _AGREE = 0.006  # [m]
 _PATIENCE = 2.5  # longest wait for pictures that agree [s]
-_ARRIVED = np.deg2rad(1.5)
-_STILL = 0.15  # [rad/s]
-_LATE = 0.8  # how long after its time the arm may arrive [s]
-_NEAR = np.deg2rad(4.0)  # and how far off it may be then, by friction or a wrong mass
-_FAR_OFF = np.deg2rad(14.0)  # from the trajectory: something stops the arm
 _SETTLE = 0.12  # fingers that have not moved for so long have stopped [s]
 _LONGEST_GRIP = 2.5  # [s]
 _OPEN = 0.003  # fingers this near to the opening that they were asked for are open [m]
@@ -35,48 +31,6 @@ _SLOW = 0.0008  # fingers slower than this in ``_SETTLE`` have stopped [m]
 _LEAST_HOLD = 0.55  # share of a thing's width that fingers leave open while they hold it; a box
 # may turn between them, from corner to corner to face to face, which is no loss
 _ESCAPE = 0.05  # back along the forearm, out of trouble [m]
-
-
-class Gripper(Protocol):
-    """What a gripper's servo says of itself."""
-
-    @property
-    def opening(self) -> float:
-        """Distance of the pads [m]."""
-
-    @property
-    def moving(self) -> bool:
-        """Whether its set-point is still on its way."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sight:
-    """The things on the table in one picture.
-
-    Attributes:
-        things: what stands there.
-        taken_at: when the picture was taken [s].
-    """
-
-    things: tuple[Standing, ...]
-    taken_at: float
-
-
-@dataclass(frozen=True, eq=False)
-class Command:
-    """What a task asks for until the next tick.
-
-    Attributes:
-        target: where the joints are to be.
-        opening: of the gripper [m].
-        payload: what is held, as far as it is known [kg].
-        looking: whether pictures are wanted.
-    """
-
-    target: Target
-    opening: float
-    payload: float
-    looking: bool
 
 
 class PickAndPlace:
@@ -106,7 +60,7 @@ class PickAndPlace:
         self._open = gripping.widest
         self._job: Job | None = None
         self._sights: list[Sight] = []
-        self._target: Target = home
+        self._way = Follower(self._planner, home)
         self._opening, self._payload = self._open, 0.0
         self._start: float | None = None
         self._began = 0.0
@@ -141,7 +95,7 @@ class PickAndPlace:
             if t - self._start > self._limit and not self.phase.is_final:
                 self._fail(t, Refusal(Failure.TIMED_OUT, f"{self._limit:.0f} s"))
         looking = self.phase is Phase.LOOK
-        return Command(self._target, self._opening, self._payload, looking)
+        return Command(self._way.target, self._opening, self._payload, looking)
 
     # ---- seeing and deciding ---------------------------------------------------------------
 
@@ -191,7 +145,7 @@ class PickAndPlace:
         if isinstance(legs, Refusal):
             return legs
         self._opening = job.grip.opening
-        self._follow(legs, state, t)
+        self._way.follow(legs, state)
         return None
 
     # ---- moving ----------------------------------------------------------------------------
@@ -201,7 +155,7 @@ class PickAndPlace:
         if self.phase in _CARRYING and not self._holds(gripper):
             self._lose(t, state, gripper)
             return
-        progress = self._progress(t, state)
+        progress = self._way.progress(state)
         if progress is Event.ARRIVED:
             self._arrive(t, state, gripper)
         elif progress is Event.STOPPED:
@@ -211,7 +165,7 @@ class PickAndPlace:
         job, planner = self._current, self._planner
         match self.phase:
             case Phase.APPROACH:
-                self._follow([job.grip.reach], state, t)
+                self._way.follow([job.grip.reach], state)
             case Phase.REACH:
                 self._opening, self._stopped_at = 0.0, (t, gripper.opening)
             case Phase.LIFT:
@@ -235,13 +189,13 @@ class PickAndPlace:
         if isinstance(legs, Refusal):
             line = planner.line(here, above, BRISK)
             legs = [] if isinstance(line, str) else [line]
-        self._follow(legs, state, t)
+        self._way.follow(legs, state)
 
     def _go_to(
         self, t: float, state: JointState, here: Array, point: Array, pace: Pace = CAREFUL
     ) -> None:
         line = self._planner.line(here, point, pace)
-        self._follow([] if isinstance(line, str) else [line], state, t)
+        self._way.follow([] if isinstance(line, str) else [line], state)
 
     def _home_from(self, t: float, state: JointState) -> None:
         home = self._planner.tool(self._home)
@@ -249,10 +203,10 @@ class PickAndPlace:
         if isinstance(legs, Refusal):
             legs = [Leg(np.array([state.q, self._home]), CAREFUL)]
         self._opening = self._open
-        self._follow(legs, state, t)
+        self._way.follow(legs, state)
 
     def _stop(self, t: float, state: JointState) -> None:
-        goal, planner = self._goal_q(), self._planner
+        goal, planner = self._way.end, self._planner
         miss = 1000 * float(np.linalg.norm(planner.tool(state.q) - planner.tool(goal)))
         refusal = Refusal(
             Failure.BLOCKED,
@@ -307,7 +261,7 @@ class PickAndPlace:
             self._goal.did(self._current)
             self.failure = None
             back = self._current.placing.retreat
-            self._follow([back], state, t)
+            self._way.follow([back], state)
             self._go(t, Event.OPENED, f"{1000 * gripper.opening:.0f} mm")
 
     def _let_go(self) -> None:
@@ -326,7 +280,7 @@ class PickAndPlace:
     # ---- ending ----------------------------------------------------------------------------
 
     def _return(self, t: float, state: JointState, gripper: Gripper) -> None:
-        progress = self._progress(t, state)
+        progress = self._way.progress(state)
         if progress is Event.STOPPED:
             self._home_from(t, state)  # from where it is now
         if progress is not Event.ARRIVED:
@@ -340,7 +294,8 @@ class PickAndPlace:
         """Give up, whatever the phase."""
         self.failure = refusal
         self.steps.append(Step(t, self.phase, Event.GIVEN_UP, Phase.FAILED, refusal.sentence))
-        self.phase, self._target = Phase.FAILED, self._goal_q()
+        self.phase = Phase.FAILED
+        self._way.hold()
 
     # ---- helpers ---------------------------------------------------------------------------
 
@@ -349,34 +304,6 @@ class PickAndPlace:
         if self._job is None:
             raise RuntimeError("there is no job")
         return self._job
-
-    def _follow(self, legs: Sequence[Leg], state: JointState, t: float) -> None:
-        """Begin a way where the last one was to end, or where the arm is when it is not there."""
-        start = self._goal_q()
-        if float(np.abs(start - state.q).max()) > 2 * _ARRIVED:
-            start = np.array(state.q)
-        self._target = self._planner.follow(legs, start, t) if legs else start
-
-    def _goal_q(self) -> Array:
-        target = self._target
-        return np.asarray(target.q[-1] if isinstance(target, JointTrajectory) else target, float)
-
-    def _progress(self, t: float, state: JointState) -> Event | None:
-        """Say whether the arm has arrived at the end of its way, or will not."""
-        target = self._target
-        end = float(target.times[-1]) if isinstance(target, JointTrajectory) else self._began
-        if t < end:
-            if isinstance(target, JointTrajectory):
-                off = np.abs(target.sample(np.array([t])).q[0] - state.q).max()
-                if off > _FAR_OFF:
-                    return Event.STOPPED
-            return None
-        off = float(np.abs(self._goal_q() - state.q).max())
-        if off < _ARRIVED and float(np.abs(state.v).max()) < _STILL:
-            return Event.ARRIVED
-        if t > end + _LATE:
-            return Event.ARRIVED if off < _NEAR else Event.STOPPED
-        return None
 
     def _go(self, t: float, event: Event, detail: str = "") -> None:
         target = TRANSITIONS[self.phase][event]

@@ -11,7 +11,8 @@ from arm3dof.control.settings import MpcSettings
 from arm3dof.control.step import ControlStep
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.tasks.machine import Failure, Phase, Refusal, Step
-from arm3dof.runtime.tasks.pick_and_place import Gripper, PickAndPlace, Sight
+from arm3dof.runtime.tasks.pick_and_place import PickAndPlace
+from arm3dof.runtime.tasks.signals import Gripper, Sight
 from arm3dof.sim.plant import Plant
 from arm3dof.state import JointState
 

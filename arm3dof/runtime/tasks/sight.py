@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from arm3dof.runtime.tasks.pick_and_place import Sight
+from arm3dof.runtime.tasks.signals import Sight
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import ColourTarget
 from arm3dof.vision.locate import Located, View, look
