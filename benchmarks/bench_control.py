@@ -16,7 +16,7 @@ import numpy as np
 
 from arm3dof import MpcController, MpcSettings, load_robot
 from arm3dof.control.observer import Observer
-from arm3dof.control.qp import ProxqpWorkspace
+from arm3dof.control.qp import BoxWorkspace
 from arm3dof.control.solver import ProgramSolver
 from arm3dof.model.robot import Robot
 from benchmarks.arms import problem_of
@@ -158,7 +158,7 @@ def shares(robot: Robot, settings: MpcSettings, motions: list[Motion]) -> dict[s
             "observe": (Observer, "measure"),
             "build": (type(controller._formulation), "build"),
             "program": (ProgramSolver, "solve"),
-            "solver": (ProxqpWorkspace, "solve"),
+            "solver": (BoxWorkspace, "solve"),
         }
     )
     laps = []

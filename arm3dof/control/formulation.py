@@ -55,10 +55,7 @@ class Formulation(Protocol):
     weights: Weights
 
     def reset(self) -> None:
-        """Forget the past: the next step has no plan."""
-
-    def advance(self) -> None:
-        """Move what is kept between steps one stage ahead."""
+        """Take over the robot's masses as they are now."""
 
     def build(
         self, state: JointState, reference: Reference, plan: Array | None, disturbance: Array

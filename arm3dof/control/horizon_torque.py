@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from arm3dof.control.formulation import damping_share
 from arm3dof.control.motion import Motion
@@ -47,17 +48,24 @@ class HorizonTorque:
         out += self._damping * v
         out += self._damping_inertia * u
 
-    def slopes(self, q: Array, v: Array, u: Array) -> Array:
-        """Return d tau / d [q, v, u] at some stages, shape (k, nv, 3, nv).
+    def linearise(self, motion: Motion, stages: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Return the torques of some stages, and how they change with the motion there.
 
         Args:
-            q: positions in the middle of their samples, shape (k, nv) [rad].
-            v: velocities there, shape (k, nv) [rad/s].
-            u: accelerations, shape (k, nv) [rad/s^2].
+            motion: the motion.
+            stages: which stages, shape (k,).
+
+        Returns:
+            tau, shape (k, nv) [N m], and d tau / d [q, v, u] in the middle of each sample,
+            shape (k, nv, 3, nv).
         """
+        q, v, u = motion.q_middle[stages], motion.v_middle[stages], motion.u[stages]
+        tau = np.empty_like(q)
         slopes = np.empty((len(q), 3, q.shape[1], q.shape[1]))
         model, data = self._model, self._data
-        for slope, *at in zip(slopes, q, v, u, strict=True):
-            slope[0], slope[1], slope[2] = pin.computeRNEADerivatives(model, data, *at)
+        for k, at in enumerate(zip(q, v, u, strict=True)):
+            slopes[k, 0], slopes[k, 1], slopes[k, 2] = pin.computeRNEADerivatives(model, data, *at)
+            tau[k] = data.tau
         slopes[:, 1:] += self._damping_slopes
-        return slopes.swapaxes(1, 2)
+        tau += self._damping * v + self._damping_inertia * u
+        return tau, slopes.swapaxes(1, 2)

@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from arm3dof.control.bounds import Bounds
 from arm3dof.control.fallback import Answer, Fallback, Plan
 from arm3dof.control.formulation import Formulation
 from arm3dof.control.observer import Observer
 from arm3dof.control.optimum import Optimum
 from arm3dof.control.paper import PaperFormulation
-from arm3dof.control.program import Bounds
 from arm3dof.control.qp import QpStatus
 from arm3dof.control.reference import Reference, Target, sample_target
 from arm3dof.control.settings import MpcSettings
@@ -61,7 +61,7 @@ class MpcController:
         self._friction = np.minimum(robot.friction, _FRICTION_SHARE * tau_max)
         scale = max(float(np.abs(self._formulation.weights.Q).max()), 1e-6)
         self._bounds = Bounds.of(
-            robot.limits, tau_max - self._friction, self.settings.limit_weight * scale
+            robot.limits, tau_max - self._friction, wish.limit_weight * scale, wish.horizon
         )
         self._believable = (
             robot.limits.q_min - _MOST_OUTSIDE,
@@ -120,9 +120,15 @@ class MpcController:
         if optimum is None or optimum.status is not QpStatus.SOLVED:
             return self._fall_back(state, reference, ControlStatus.NOT_SOLVED, start)
         self._fallback.remember(plan)
-        self._formulation.advance()
-        self._solver.advance()
+        self._solver.advance(self.settings.horizon, self.robot.nv)
         rigid = optimum.tau[0]
+        if (
+            self._most_change is not None
+        ):  # the program's limits hold to a tolerance, this one fully
+            change = rigid - optimum.bounds.last_torque
+            rigid = optimum.bounds.last_torque + np.clip(
+                change, -self._most_change, self._most_change
+            )
         tau = rigid + self._friction_compensation(plan.v[1])
         status = ControlStatus.SOFTENED if optimum.softened else ControlStatus.SOLVED
         # the paper's u leaves the Coriolis torque out; otherwise u is the acceleration
@@ -192,7 +198,7 @@ class MpcController:
         """Linearise along the last plan and solve; without a plan, repeat along the new one."""
         formulation, horizon, bounds = self._formulation, self.settings.horizon, self._bounds
         if (np.abs(state.v) > self.robot.limits.v_max).any():
-            bounds = bounds.slowing_from(state.v, horizon)
+            bounds = bounds.slowing_from(state.v)
         if self._most_change is not None:
             tau_max = self.robot.limits.tau_max
             held = np.clip(self.robot.gravity(state.q), -tau_max, tau_max)
@@ -217,8 +223,8 @@ class MpcController:
         return optimum, plan
 
     def _plan(self, state: JointState, optimum: Optimum) -> Plan:
-        q = np.concatenate([state.q[np.newaxis], optimum.states[0]])
-        v = np.concatenate([state.v[np.newaxis], optimum.states[1]])
+        q, v = stages = np.empty((2, self.settings.horizon + 1, state.q.size))
+        stages[0, 0], stages[1, 0], stages[:, 1:] = state.q, state.v, optimum.states
         return Plan((v[1:] - v[:-1]) / self.dt, q, v)
 
     def _is_plausible(self, state: JointState) -> bool:

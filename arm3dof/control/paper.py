@@ -48,9 +48,6 @@ class PaperFormulation:
     def reset(self) -> None:
         """Do nothing: no step depends on the one before."""
 
-    def advance(self) -> None:
-        """Do nothing: no step depends on the one before."""
-
     def predict(self, state: JointState) -> Condensed:
         """Return C and F of (36) with the dynamics frozen at a state."""
         mass, coriolis = self._robot.mass_matrix(state.q), self._robot.coriolis(state.q, state.v)

@@ -27,7 +27,7 @@ class MpcSettings:
     error live longer.
 
     Attributes:
-        formulation: ``"tracking"``: decide accelerations, with torque limits along the last plan;
+        formulation: ``"tracking"``: decide accelerations, with torques exact up to tangents;
             ``"torque"``: decide torques, on dynamics linearised along the last plan; ``"paper"``:
             the error dynamics frozen at the measured state, (22)-(38).
         horizon: number of stages N.

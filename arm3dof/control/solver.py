@@ -22,36 +22,35 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from arm3dof.control.optimum import Optimum, excess_of, limited, signed_rows, torque_stages
-from arm3dof.control.program import Bounds, Program
-from arm3dof.control.qp import (
-    UNBOUNDED,
-    ProxqpWorkspace,
-    QpSettings,
-    QpStatus,
-    QuadraticProgram,
-)
+from arm3dof.control.bounds import POSITION, TORQUE, VELOCITY, Bounds
+from arm3dof.control.optimum import Optimum
+from arm3dof.control.program import Program
+from arm3dof.control.qp import UNBOUNDED, BoxWorkspace, QpSettings, QpStatus
+from arm3dof.control.working_set import WorkingSet, limited
 from arm3dof.state import Array
 
 _MOST_ROUNDS = 8
 _MOST_ROWS = 3.0  # limits a decision; with more, braking is the better answer
-_MOST_WORK = 10.0  # duals with as many limits as decisions, in one control step
+_MOST_WORK = 30.0  # duals with as many limits as decisions, in one control step
 _PATIENCE = 3  # after so many rounds a joint's limit is added for all stages at once
 _TORQUE_ERROR = 0.1  # a tangent that errs by more of its limit is taken anew, ...
 _MOST_TANGENTS = 3  # ... so often in a step
-_FIRST_SHARE = 1 / 6  # of the way to the target, in the first step of the continuation
-_LEAST_STEP = 1 / 40
 _COLD_TORQUE_ERROR = 1e-4  # without a last plan there is no next step that would mend an error
 _MOST_COLD_TANGENTS = 8
+_FIRST_SHARE = 1 / 6  # of the motion, in the first step of the continuation
+_LEAST_SHARE = 1 / 40
+
+_LEAST_TORQUE = 1e-9  # [N m]: a limit of zero, for the purpose of relative errors
+
+_NONE = np.zeros(0, dtype=np.intp)
 
 
 class ProgramSolver:
     """Solves the programs of one controller, trying first the limits that mattered last."""
 
     def __init__(self, settings: QpSettings) -> None:
-        self._settings = settings
-        self._workspaces: dict[int, ProxqpWorkspace] = {}
-        self._likely: NDArray[np.bool_] | None = None
+        self._workspace = BoxWorkspace(settings)
+        self._likely = _NONE
         self.begin(None)
 
     def begin(self, deadline: float | None) -> None:
@@ -65,116 +64,103 @@ class ProgramSolver:
 
     def reset(self) -> None:
         """Forget earlier solutions."""
-        self._workspaces.clear()
-        self._likely = None
+        self._likely = _NONE
 
-    def advance(self) -> None:
+    def advance(self, horizon: int, nv: int) -> None:
         """Move what is remembered one stage ahead, to the next control step."""
-        if self._likely is not None:
-            self._likely[:, :, :-1] = self._likely[:, :, 1:]
+        limits = self._likely
+        if limits.size:
+            stage = limits // nv % horizon
+            last = limits[stage == horizon - 1]
+            self._likely = np.concatenate((limits[stage > 0] - nv, last))
 
     def solve(self, program: Program, bounds: Bounds) -> Optimum:
         """Return the optimum of a program."""
-        values, _ = limited(program, program.w_free, bounds)
-        kept = (values <= bounds.most) & (values >= bounds.least)
-        if kept.all():
-            self._likely = None
-            return _free_optimum(program, bounds, values, QpStatus.SOLVED)
-        if not np.isfinite(values).all():
-            return _free_optimum(program, bounds, values, QpStatus.NOT_FINITE)
-        free = np.ones((2, *values.shape), dtype=np.bool_)
-        free[:, 1:3] = program.reached
-        if not (~kept & free[0]).any():  # what is broken, no decision can mend
-            optimum = _free_optimum(program, bounds, values, QpStatus.SOLVED)
-            return optimum._replace(softened=True)
-        start = program.start
-        if start is None:
-            optimum = self._continue(program, bounds, free)
+        if program.start is None or not self._likely.size:
+            values = limited(program, bounds, program.w_free)
+            kept = (values <= bounds.most) & (values >= bounds.least)
+            if kept.all():
+                return _without_limits(program, bounds, values, QpStatus.SOLVED)
+            if not np.isfinite(values).all():
+                return _without_limits(program, bounds, values, QpStatus.NOT_FINITE)
+        if program.start is None:
+            optimum = self._continue(program, bounds)
         else:
-            rows = np.zeros_like(free)
-            if self._likely is not None and self._likely.shape == rows.shape:
-                rows |= self._likely & free
-            optimum = self._retouch(
-                program, bounds, free, start, rows, _TORQUE_ERROR, _MOST_TANGENTS
-            )
-        self._likely = optimum.active if optimum.status is QpStatus.SOLVED else None
+            errors = _TORQUE_ERROR, _MOST_TANGENTS
+            optimum = self._retouch(program, bounds, program.start, self._likely, *errors)
+        solved = optimum.status is QpStatus.SOLVED
+        self._likely = optimum.working.limits[optimum.pushing] if solved else _NONE
         return optimum
 
-    def _continue(self, program: Program, bounds: Bounds, free: NDArray[np.bool_]) -> Optimum:
+    def _continue(self, program: Program, bounds: Bounds) -> Optimum:
         """Follow the optimum from an arm at rest to the motion that is asked for."""
         share, step = 0.0, _FIRST_SHARE
-        w, rows = np.zeros_like(program.w_free), np.zeros_like(free)
+        w, likely = np.zeros_like(program.w_free), _NONE
         while share < 1.0:
             trial = min(share + step, 1.0)
-            part = program.scaled(trial)
             start = w * (trial / share) if share else w
-            optimum = self._touch(part, bounds.cheaper(trial), free, start, rows)
+            optimum = self._touch(program.gentler(trial), bounds.cheaper(trial), start, likely)
             if optimum.status is QpStatus.SOLVED:
-                share, w, rows = trial, optimum.w, optimum.active
-            elif step > _LEAST_STEP:
+                share, w = trial, optimum.w
+                likely = optimum.working.limits[optimum.pushing]
+            elif step > _LEAST_SHARE:
                 step /= 2
             else:
                 return optimum
-        return self._retouch(
-            program, bounds, free, w, rows, _COLD_TORQUE_ERROR, _MOST_COLD_TANGENTS
-        )
+        return self._retouch(program, bounds, w, likely, _COLD_TORQUE_ERROR, _MOST_COLD_TANGENTS)
 
     def _retouch(
         self,
         program: Program,
         bounds: Bounds,
-        free: NDArray[np.bool_],
         w: Array,
-        rows: NDArray[np.bool_],
+        likely: NDArray[np.intp],
         torque_error: float,
         most: int,
     ) -> Optimum:
-        """Take tangents anew until they fit, and keep the last optimum that there is."""
-        optimum: Optimum | None = None
+        """Take tangents anew until they fit; of several solutions keep the last that there is."""
+        solved: Optimum | None = None
         for _ in range(most):
-            program.forget_tangents()
-            touched = self._touch(program, bounds, free, w, rows)
-            if touched.status is not QpStatus.SOLVED:
-                return optimum or touched
-            optimum, w, rows = touched, touched.w, touched.active
-            if touched.torque_error <= torque_error:
-                break
-        return touched
+            optimum = self._touch(program, bounds, w, likely)
+            if optimum.status is not QpStatus.SOLVED:
+                return solved or optimum
+            if optimum.torque_error <= torque_error:
+                return optimum
+            solved, w, likely = optimum, optimum.w, optimum.working.limits[optimum.pushing]
+        return optimum
 
     def _touch(
-        self,
-        program: Program,
-        bounds: Bounds,
-        free: NDArray[np.bool_],
-        w: Array,
-        rows: NDArray[np.bool_],
+        self, program: Program, bounds: Bounds, w: Array, likely: NDArray[np.intp]
     ) -> Optimum:
         """Solve the program with tangents at w; add the limits that are broken until none is."""
-        rows = rows.copy()
-        z, status = np.zeros(0), QpStatus.SOLVED
-        values, _ = limited(program, w, bounds)
-        if not np.isfinite(values).all():
-            return _free_optimum(program, bounds, values, QpStatus.NOT_FINITE)
-        excess = excess_of(values, bounds)
-        new = rows if rows.any() else (excess > bounds.tolerance) & free
+        tolerance = _tolerance(program, bounds)
+        new = likely
+        if not new.size:
+            excess = bounds.excess(limited(program, bounds, w))
+            new = (excess > tolerance).ravel().nonzero()[0]
+        working = WorkingSet.of(program, bounds, new, w)
+        z = np.ones(new.size)
         for attempt in range(_MOST_ROUNDS):
-            rows |= new
-            if attempt >= _PATIENCE:
-                rows |= rows.any(axis=2, keepdims=True) & free
-            if not self._affords(np.count_nonzero(rows) / w.size):
-                return _free_optimum(program, bounds, values, QpStatus.ITERATION_LIMIT)
-            program.linearise(torque_stages(rows))
-            w, z, status = self._solve_dual(program, bounds, rows, excess, w)
-            values, error = limited(program, w, bounds)
-            excess = excess_of(values, bounds)
-            broken = excess > bounds.tolerance
-            new = broken & free & ~rows
-            if status is not QpStatus.SOLVED or not new.any():
+            if not self._affords(working.b.size / w.size):
+                values = limited(program, bounds, program.w_free)
+                return _without_limits(program, bounds, values, QpStatus.ITERATION_LIMIT)
+            inside = np.ones(working.b.size, dtype=np.bool_)
+            inside[: z.size] = z > 0.0
+            w, z, status = self._solve_dual(program, working, inside)
+            values = limited(program, bounds, w)
+            excess = bounds.excess(values)
+            error = _replace_by_tangents(values, excess, bounds, working, w)
+            if status is QpStatus.SOLVED and not np.isfinite(values).all():
+                status = QpStatus.NOT_FINITE
+            new = _broken(excess, tolerance, working, all_stages=attempt >= _PATIENCE - 1)
+            if status is not QpStatus.SOLVED or not new.size:
                 break
+            working = working.joined(WorkingSet.of(program, bounds, new, w))
         else:
             status = QpStatus.ITERATION_LIMIT
-        softened = bool(broken[:, 1:3].any())
-        return Optimum(w, values, error, status, softened, rows, z, program, bounds)
+        soft = slice(POSITION, VELOCITY + 1)
+        softened = bool((excess[:, soft] > bounds.tolerance[soft]).any())
+        return Optimum(w, values, status, softened, working, z, error, program, bounds)
 
     def _affords(self, rows: float) -> bool:
         """Whether one more dual may be solved, with so many limits a decision."""
@@ -185,51 +171,85 @@ class ProgramSolver:
         return True
 
     def _solve_dual(
-        self,
-        program: Program,
-        bounds: Bounds,
-        rows: NDArray[np.bool_],
-        excess: Array,
-        w: Array,
+        self, program: Program, working: WorkingSet, inside: NDArray[np.bool_]
     ) -> tuple[Array, Array, QpStatus]:
-        """Return w, the multipliers of the chosen rows, and how the solve ended.
+        """Return w, the multipliers of the working set, and how the solve ended.
 
         Args:
-            program: the program; torques in the rows have tangents.
-            bounds: its limits.
-            rows: the chosen rows.
-            excess: excess of every limit at w.
-            w: where ``excess`` was taken.
+            program: the program.
+            working: its limits.
+            inside: which of them are expected to push with less than their price.
         """
-        w_free = program.w_free
-        C, kinds = signed_rows(program, rows)
-        if not len(C):
-            return w_free, np.zeros(0), QpStatus.SOLVED
+        _, C, b, price = working
+        if not b.size:
+            return program.w_free, np.zeros(0), QpStatus.SOLVED
         through = C @ program.hessian_inverse
         if program.refine:
             through += (C - through @ program.hessian) @ program.hessian_inverse
         gram = through @ C.T
-        if not (gram.diagonal() > 0).all():  # an overflow, or a row lost to rounding
-            return w_free, np.zeros(len(C)), QpStatus.NOT_FINITE
-        scale = 1.0 / np.sqrt(gram.diagonal())
-        k = scale.size
-        excess_free = excess[rows] + C @ (w_free - w)
-        dual = QuadraticProgram(
-            gram * scale * scale[:, np.newaxis],
-            -excess_free * scale,
-            np.eye(k),
-            np.zeros(k),
-            np.minimum(bounds.price[kinds] / scale, UNBOUNDED),
-        )
-        if k not in self._workspaces:
-            self._workspaces[k] = ProxqpWorkspace(k, k, self._settings)
-        solution = self._workspaces[k].solve(dual)
-        z = np.clip(solution.x * scale, 0.0, bounds.price[kinds])
-        return w_free - z @ through, z, solution.status
+        diagonal = gram.diagonal()
+        if not diagonal.min() > 0:  # an overflow, or a row lost to rounding
+            return program.w_free, np.zeros(b.size), QpStatus.NOT_FINITE
+        scale = 1.0 / np.sqrt(diagonal)
+        gram *= scale
+        gram *= scale[:, np.newaxis]
+        most = np.minimum(price / scale, UNBOUNDED)
+        solution = self._workspace.solve(gram, (b - C @ program.w_free) * scale, most, inside)
+        z = np.minimum(np.maximum(solution.x * scale, 0.0), price)
+        return program.w_free - z @ through, z, solution.status
 
 
-def _free_optimum(program: Program, bounds: Bounds, values: Array, status: QpStatus) -> Optimum:
+def _tolerance(program: Program, bounds: Bounds) -> Array:
+    """Return the excess up to which a limit counts as kept; any, where no decision matters."""
+    if program.fixed is None:
+        return bounds.tolerance
+    tolerance = bounds.tolerance.copy()
+    tolerance[: VELOCITY + 1][program.fixed] = np.inf
+    return tolerance
+
+
+def _broken(
+    excess: Array, tolerance: Array, working: WorkingSet, *, all_stages: bool
+) -> NDArray[np.intp]:
+    """Return the limits that are broken and not in the working set.
+
+    Args:
+        excess: by how much each limit is exceeded, shape (2, kinds, N, nv).
+        tolerance: excess up to which it counts as kept, shape (kinds, N, nv).
+        working: the working set.
+        all_stages: if any is broken, return all stages of every limit that was or is to be added.
+    """
+    broken = excess > tolerance
+    flat = broken.ravel()
+    flat[working.limits] = False
+    if all_stages and broken.any():
+        flat[working.limits] = True
+        broken |= broken.any(axis=2, keepdims=True) & (tolerance < np.inf)
+        flat[working.limits] = False
+    return flat.nonzero()[0]
+
+
+def _replace_by_tangents(
+    values: Array, excess: Array, bounds: Bounds, working: WorkingSet, w: Array
+) -> float:
+    """Overwrite values and excesses of a working set by its tangents.
+
+    Returns:
+        The largest error of a torque's tangent, as a share of the torque's limit.
+    """
+    limits, C, b, _ = working
+    if not limits.size:
+        return 0.0
+    count, sides, flat = values.size, bounds.sides[limits], excess.ravel()
+    by_tangents, which = C @ w - b, limits % count
+    apart = np.abs(flat[limits] - by_tangents) / np.maximum(np.abs(sides), _LEAST_TORQUE)
+    flat[limits] = by_tangents
+    values.ravel()[which] = np.where(limits < count, 1.0, -1.0) * (by_tangents + sides)
+    return float(apart[which < values[TORQUE].size].max(initial=0.0))
+
+
+def _without_limits(program: Program, bounds: Bounds, values: Array, status: QpStatus) -> Optimum:
     """Return the minimiser without limits as an optimum in which no limit was considered."""
-    rows = np.zeros((2, *values.shape), dtype=np.bool_)
-    none = np.zeros(0)
-    return Optimum(program.w_free, values, 0.0, status, False, rows, none, program, bounds)
+    w, none = program.w_free, np.zeros(0)
+    working = WorkingSet(_NONE, np.zeros((0, w.size)), none, none)
+    return Optimum(w, values, status, False, working, none, 0.0, program, bounds)

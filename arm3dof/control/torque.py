@@ -48,9 +48,6 @@ class TorqueFormulation:
     def reset(self) -> None:
         """Do nothing: each step is linearised anew."""
 
-    def advance(self) -> None:
-        """Do nothing: each step is linearised anew."""
-
     def build(
         self, state: JointState, reference: Reference, plan: Array | None, disturbance: Array
     ) -> Program:
