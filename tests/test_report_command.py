@@ -14,7 +14,7 @@ from arm3dof.model.library import load_robot
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    return smooth_run(load_robot(), duration=0.4).save(tmp_path / "run.npz")
+    return smooth_run(load_robot(), duration=0.1).save(tmp_path / "run.npz")
 
 
 def answer(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:

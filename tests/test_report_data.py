@@ -18,7 +18,13 @@ from arm3dof.runtime.metrics import summarise
 from arm3dof.runtime.recording import Recording
 from arm3dof.ui.quantities import extreme_rows
 from arm3dof.ui.report import report_html
-from arm3dof.ui.report_data import MAX_ROWS, read_picture, report_command, status_segments
+from arm3dof.ui.report_data import (
+    MAX_PICTURE,
+    MAX_ROWS,
+    read_picture,
+    report_command,
+    status_segments,
+)
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
 
@@ -118,9 +124,19 @@ def test_a_large_photograph_is_made_smaller(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "photo.png"), cv2.GaussianBlur(noise, (7, 7), 0))
     assert (tmp_path / "photo.png").stat().st_size > 2_000_000
     data = read_picture(tmp_path / "photo.png")
-    assert len(data) < 2_000_000
+    assert len(data) <= MAX_PICTURE
     shown = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    assert shown.shape == (1000, 1600, 3)
+    assert shown.shape[0] / shown.shape[1] == pytest.approx(1500 / 2400, abs=0.01)
+    assert 800 < shown.shape[1] <= 1600
+
+
+@pytest.mark.slow
+def test_a_long_run_of_a_heavy_robot_with_a_large_picture_stays_below_5_mb() -> None:
+    robot = load_robot("panda")
+    start = robot.limits.q_min / 2 + robot.limits.q_max / 2
+    run = smooth_run(robot, start=start, target=start + 0.3, duration=60, dt=0.002)
+    noise = np.random.default_rng(0).bytes(MAX_PICTURE - len(PNG))
+    assert len(report_html(run, PNG + noise).encode()) < 5_000_000
 
 
 def test_the_page_is_small_and_asks_nothing_of_the_network(run: Recording) -> None:

@@ -25,7 +25,7 @@ from arm3dof.ui.shapes import typed_array
 from arm3dof.ui.style import COLORS, DARK_COLORS
 
 MAX_ROWS = 6000  # of a curve in the file; of a longer one the extremes are kept
-MAX_PICTURE = 2_000_000  # bytes; the whole file stays below 5 MB
+MAX_PICTURE = 1_200_000  # bytes; the whole file stays below 5 MB
 PICTURE_SIDE = 1600  # px of the longer side of a picture that was too large
 _PHASE_NAME = re.compile(r"task\.\d+ (.+)")
 _PHASE_END = re.compile(r"until ([\d.]+) s: (.+)", re.DOTALL)
@@ -86,7 +86,7 @@ def report_command(
 
 
 def read_picture(path: str | Path) -> bytes:
-    """Read a picture for the report; one of over 2 MB is made smaller.
+    """Read a picture for the report; one of over 1.2 MB is made smaller.
 
     Raises:
         MissingFile: there is no such file.
@@ -106,9 +106,12 @@ def _smaller(picture: bytes, name: str) -> bytes:
     if image is None:
         raise InputError(f"{name} is damaged; give a whole PNG, JPEG or WebP file")
     share = min(1.0, PICTURE_SIDE / max(image.shape[:2]))
-    image = cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
-    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 88])
-    return data.tobytes()
+    while True:
+        small = cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+        data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
+        if len(data) <= MAX_PICTURE:
+            return data
+        share *= 0.8
 
 
 def status_segments(recording: Recording) -> list[Stretch]:
