@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from arm3dof.errors import ArmError, InputError, MissingFile
+from arm3dof.errors import ArmError, CameraLost, InputError, MissingFile
 from arm3dof.vision.sources import frames, read_image, to_bgr, write_image
 
 
@@ -207,3 +207,65 @@ def test_a_video_that_is_left_early_is_closed(tmp_path):
     source.close()
     opened = {os.path.realpath(it) for it in Path("/proc/self/fd").iterdir()}
     assert str(path) not in opened
+
+
+class Vanishing:
+    """A camera device that is pulled out after some pictures."""
+
+    def __init__(self, pictures):
+        self.left, self.released = list(pictures), False
+
+    def isOpened(self):
+        return True
+
+    def get(self, _):
+        return 0.0
+
+    def read(self):
+        return (True, self.left.pop(0)) if self.left else (False, None)
+
+    def release(self):
+        self.released = True
+
+
+def test_a_camera_that_vanishes_says_so_and_is_let_go(picture, monkeypatch):
+    device = Vanishing([picture, picture])
+    monkeypatch.setattr(cv2, "VideoCapture", lambda _: device)
+    source = frames(0)
+    first, second = next(source), next(source)
+    assert first.t <= second.t
+    assert second.name == "camera 0 frame 1"
+    with pytest.raises(CameraLost, match="camera 0 gives no more pictures; check its cable"):
+        next(source)
+    assert device.released
+    monkeypatch.setattr(cv2, "VideoCapture", lambda _: Vanishing([]))
+    with pytest.raises(InputError, match="camera 0 gives no pictures"):
+        next(frames(0))
+
+
+def test_whatever_a_file_holds_it_is_bgr_bytes_or_one_line(tmp_path, picture):
+    rng = np.random.default_rng(3)
+    kinds = [picture, picture[:, :, 0], picture.astype(np.uint16) * 200, picture[:1, :1]]
+    read = 0
+    for trial in range(200):
+        suffix = str(rng.choice([".png", ".jpg", ".bmp", ".tiff", ".webp", ".ppm"]))
+        image = kinds[trial % 4 if suffix in (".png", ".tiff") else 3 * (trial % 2)]
+        data = bytearray(encoded(image, suffix))
+        for _ in range(trial % 6):
+            spot = int(rng.integers(len(data)))
+            data[spot] = rng.integers(256)
+        if trial % 3 == 0:
+            del data[int(rng.integers(len(data))) :]
+        path = tmp_path / f"it{suffix}"
+        path.write_bytes(data)
+        said = ""
+        try:
+            (frame,) = frames(path)
+        except ArmError as error:
+            said = str(error)
+        if said:
+            assert "\n" not in said
+            continue
+        read += 1
+        assert (frame.image.dtype, frame.image.shape[2]) == (np.uint8, 3)
+    assert 40 < read < 180
