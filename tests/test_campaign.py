@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from arm3dof.cli import app
-from arm3dof.errors import InputError
+from arm3dof.errors import InputError, MissingExtra
 from arm3dof.runtime.campaign import Outcome, run_campaign, trial_rng
 from arm3dof.runtime.journal import Journal, code_fingerprint, fingerprint
 from arm3dof.runtime.see_trial import SeeTrial, goals, judge, see_report
@@ -129,6 +129,21 @@ def test_a_blind_eye_is_found_out():
     assert outcome.reason.count("not seen") == len(table.placed)
     with pytest.raises(InputError, match="no renderer 'oil'; give one of: drawn, physics"):
         SeeTrial("oil")
+
+
+def test_without_mujoco_its_renderer_names_the_extra(monkeypatch):
+    monkeypatch.setattr("arm3dof.runtime.see_trial.find_spec", lambda _: None)
+    SeeTrial("drawn")
+    with pytest.raises(MissingExtra, match="'physics' needs the extra 'physics'"):
+        SeeTrial("physics")
+
+
+@pytest.mark.slow
+def test_mujoco_s_pictures_are_seen_as_well():
+    report = see_report(run_campaign(SeeTrial("physics"), 25, 3))
+    assert report["recall"] >= 0.97
+    assert report["false_objects"] == 0
+    assert report["median_error_m"] < 0.003
 
 
 def test_the_command_counts_and_resumes(tmp_path):

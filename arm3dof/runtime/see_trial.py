@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arm3dof.errors import InputError
+from arm3dof.errors import InputError, MissingExtra
 from arm3dof.runtime.campaign import Campaign, Figures, Outcome
 from arm3dof.runtime.table_scenes import Placed, TableScene, random_scene
 from arm3dof.sim.scene import draw
@@ -37,6 +38,7 @@ class SeeTrial:
 
     Raises:
         InputError: there is no such renderer.
+        MissingExtra: it needs MuJoCo, which is not installed.
     """
 
     renderer: str = "drawn"
@@ -44,6 +46,8 @@ class SeeTrial:
     def __post_init__(self) -> None:
         if self.renderer not in KINDS:
             raise InputError(f"no renderer '{self.renderer}'; give one of: {', '.join(KINDS)}")
+        if self.renderer == "physics" and find_spec("mujoco") is None:
+            raise MissingExtra("the renderer 'physics'", "physics")
 
     def __call__(self, rng: np.random.Generator) -> Outcome:
         """Set a table, take its picture, look at it and judge."""
