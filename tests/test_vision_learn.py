@@ -13,7 +13,7 @@ from arm3dof.vision.learn import learn_colour
 
 def test_one_click_is_enough_to_find_the_thing_again():
     overlaps = []
-    for number in range(12):
+    for number in range(8):
         rng = trial_rng(4, number)
         table = SeeTrial().scene(rng)
         picture = SeeTrial().picture(table, rng)

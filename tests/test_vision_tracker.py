@@ -37,7 +37,7 @@ def walk(rng, steps, acceleration):
 def test_the_stated_interval_holds_and_many_pictures_do_not_mend_a_camera():
     rng = np.random.default_rng(0)
     squares, sigmas = [], []
-    for _ in range(60):
+    for _ in range(40):
         noise, shared = spread(rng, 0.001, 0.003), spread(rng, 0.0005, 0.002)
         bias = rng.multivariate_normal(np.zeros(3), shared)
         tracker = Tracker(TrackerSettings(acceleration_sigma=0.3))
