@@ -42,7 +42,7 @@ _TOUCH = 0.001  # least gap between the hand and the thing on the way to it [m]
 _BACK = 0.055  # from the grasp back along the forearm to the pregrasp [m]
 _LOWEST, _STEP = 0.014, 0.002  # heights to grasp at, above the table [m]
 _BEST = 0.55  # height to grasp at, as a share of the thing's
-_ABOVE = 0.007  # how far above a thing's top the tool's point may be: the pads reach lower [m]
+_ABOVE = 0.009  # how far above a thing's top the tool's point may be: the pads reach lower [m]
 _FOOTROOM = 0.0015  # between what is put down and the table [m]
 _TOPPLES = 0.7  # share of the angle at which a thing topples to which it may be tilted
 
