@@ -21,7 +21,7 @@ from arm3dof.runtime.live.physics import PhysicsPlant
 from arm3dof.runtime.live.plants import RigidPlant
 from arm3dof.runtime.live.process import SILENCE, ArmLoop, ArmProcess, ArmSpec, News
 from arm3dof.runtime.parallel import PackedRobot
-from arm3dof.runtime.tasks.pick_and_place import Sight
+from arm3dof.runtime.tasks.signals import Sight
 from arm3dof.sim.world import World
 from arm3dof.ui.studio.start import home, table
 from arm3dof.vision.standing import Standing

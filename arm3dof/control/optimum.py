@@ -55,7 +55,7 @@ class Optimum(NamedTuple):
 
     @property
     def rows(self) -> NDArray[np.bool_]:
-        """The limits that were considered, as a mask, shape (2, kinds, N, nv): upper, lower."""
+        """The limits that were considered, as a mask, shape (2, kinds, N, nv), upper and lower."""
         rows = np.zeros((2, *self.values.shape), dtype=np.bool_)
         rows.ravel()[self.working.limits] = True
         return rows

@@ -22,7 +22,7 @@ from arm3dof.runtime.live.frames import PLAN_ROWS, Frames, Mode, frame_type
 from arm3dof.runtime.live.plants import LivePlant
 from arm3dof.runtime.live.work import PHASES, Work
 from arm3dof.runtime.tasks.gripping import Gripping
-from arm3dof.runtime.tasks.pick_and_place import Sight
+from arm3dof.runtime.tasks.signals import Sight
 from arm3dof.sim.world import World
 from arm3dof.state import Array, finite_vector
 

@@ -27,8 +27,8 @@ from arm3dof.runtime.live.eye import (
 from arm3dof.runtime.live.frames import Mode, Ring
 from arm3dof.runtime.live.process import News
 from arm3dof.runtime.parallel import PackedRobot
-from arm3dof.runtime.tasks.pick_and_place import Sight as Known
 from arm3dof.runtime.tasks.sight import look_at_table
+from arm3dof.runtime.tasks.signals import Sight as Known
 from arm3dof.sim.scene import Scene
 from arm3dof.sim.world import World
 from arm3dof.vision.camera import Camera

@@ -47,7 +47,7 @@ def frame_type(nv: int, bodies: int = 0) -> np.dtype[np.void]:
     ``bodies``                (x, y, z, qw, qx, qy, qz) of each object, shape (bodies, 7)
     ``fingers``               positions of the two fingers, shape (2,) [m]; NaN without
     ``mode status source``    ``Mode``, ``ControlStatus``, ``TorqueSource``
-    ``phase``                 of a task: its place among the ``Phase``s
+    ``phase``                 of a task: its place in ``Phase``
     ``step_time``             wall time of the last control step [s]
     ``lateness``              how late this frame's wake-up was [s]
     ``missed``                deadlines that were missed since the start

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from arm3dof.model.robot import Robot
-from arm3dof.runtime.tasks.pick_and_place import Gripper
+from arm3dof.runtime.tasks.signals import Gripper
 from arm3dof.sim.pinocchio_plant import PinocchioPlant
 from arm3dof.state import Array, JointState
 

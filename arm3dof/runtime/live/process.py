@@ -25,7 +25,7 @@ from arm3dof.runtime.live.frames import Mode, Ring, frame_type
 from arm3dof.runtime.live.pace import Clock, Pacer, WallClock
 from arm3dof.runtime.live.plants import RigidPlant
 from arm3dof.runtime.parallel import PackedRobot
-from arm3dof.runtime.tasks.pick_and_place import Sight
+from arm3dof.runtime.tasks.signals import Sight
 from arm3dof.sim.world import World
 
 SILENCE = 1.0

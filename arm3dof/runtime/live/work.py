@@ -14,8 +14,9 @@ from arm3dof.runtime.live.plants import LivePlant
 from arm3dof.runtime.tasks.goals import Goal, Grasping, Sorting, Tray
 from arm3dof.runtime.tasks.gripping import Gripping
 from arm3dof.runtime.tasks.machine import Phase
-from arm3dof.runtime.tasks.pick_and_place import PickAndPlace, Sight
+from arm3dof.runtime.tasks.pick_and_place import PickAndPlace
 from arm3dof.runtime.tasks.run import TASK_SETTINGS
+from arm3dof.runtime.tasks.signals import Sight
 from arm3dof.sim.world import World
 from arm3dof.state import Array, JointState
 

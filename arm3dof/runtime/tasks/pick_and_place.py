@@ -19,8 +19,6 @@ from arm3dof.runtime.tasks.signals import Command, Gripper, Sight
 from arm3dof.state import Array, JointState
 from arm3dof.vision.standing import Standing
 
-__all__ = ["Command", "Gripper", "PickAndPlace", "Sight"]
-
 _LOOKS = 2  # pictures in a row that must agree
 _AGREE = 0.006  # [m]
 _PATIENCE = 2.5  # longest wait for pictures that agree [s]
