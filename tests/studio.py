@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-PATIENCE = 60  # s
+PATIENCE = 240  # s
 PROGRAM = "import sys; from arm3dof.cli import main; sys.exit(main())"
 
 

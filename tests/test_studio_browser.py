@@ -18,7 +18,9 @@ from arm3dof.model.robot import Robot
 from arm3dof.runtime.recording import Recording
 
 pytestmark = pytest.mark.browser
+expect.set_options(timeout=60_000)
 EXACT = 1e-9
+PATIENCE = 240_000  # ms: a busy machine draws slowly
 SCREENSHOTS = Path(__file__).parent.parent / "out" / "screenshots"
 LAST = "studio.live.last"
 
@@ -46,7 +48,7 @@ def visit(
 ) -> Iterator[Page]:
     """A page that is open, alive, and has had nothing to complain of at its end."""
     page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
-    page.set_default_timeout(60_000)
+    page.set_default_timeout(PATIENCE)
     complaints: list[str] = []
     requests: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -261,7 +263,7 @@ def test_a_newcomer_grasps_with_one_click(page: Page) -> None:
     page.wait_for_function(f"{LAST}.seen.length > 0")
     page.locator(".transport").get_by_role("button", name="Grasp").click()
     expect(page.locator("#status")).to_contain_text("By itself")
-    page.get_by_text("The task is done").wait_for(timeout=180_000)
+    page.get_by_text("The task is done").wait_for(timeout=PATIENCE)
     snap(page, "grasped")
     panel(page, "Move")
     page.get_by_role("button", name="Restart").click()

@@ -74,6 +74,7 @@ class LiveArm:
         self._frame = 0
         plant.restart(self._start)
         self._choose(control or cmd.Control())
+        self._given = self._tau
         self._hold(self._start)
 
     # ---- commands --------------------------------------------------------------------------
@@ -284,7 +285,7 @@ class LiveArm:
         state, answer, robot = self.plant.state, self._answer, self.plant.robot
         frame = np.zeros((), self.kind)
         frame["t"], frame["q"], frame["v"] = state.t, state.q, state.v
-        frame["tau"] = getattr(self, "_given", self._tau)
+        frame["tau"] = self._given
         frame["u"], frame["q_target"] = answer.u, self._q_target
         frame["gravity"] = robot.gravity(state.q)
         frame["tool"] = robot.placement(state.q).translation
