@@ -32,6 +32,7 @@ COMMANDS = (
     "robots",
     "see",
     "simulate",
+    "sort",
     "sweep",
     "view",
 )
