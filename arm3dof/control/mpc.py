@@ -117,18 +117,11 @@ class MpcController:
             optimum, plan = self._optimise(state, reference)
         if deadline is not None and time.perf_counter() > deadline:
             return self._fall_back(state, reference, ControlStatus.DEADLINE_MISSED, start)
-        if optimum is None or optimum.status is not QpStatus.SOLVED:
+        if optimum is None or plan is None or optimum.status is not QpStatus.SOLVED:
             return self._fall_back(state, reference, ControlStatus.NOT_SOLVED, start)
         self._fallback.remember(plan)
         self._solver.advance(self.settings.horizon, self.robot.nv)
-        rigid = optimum.tau[0]
-        if (
-            self._most_change is not None
-        ):  # the program's limits hold to a tolerance, this one fully
-            change = rigid - optimum.bounds.last_torque
-            rigid = optimum.bounds.last_torque + np.clip(
-                change, -self._most_change, self._most_change
-            )
+        rigid = self._within_rate(optimum)
         tau = rigid + self._friction_compensation(plan.v[1])
         status = ControlStatus.SOFTENED if optimum.softened else ControlStatus.SOLVED
         # the paper's u leaves the Coriolis torque out; otherwise u is the acceleration
@@ -194,7 +187,9 @@ class MpcController:
         begin = state.t + self.settings.delay
         return sample_target(target, self.robot.nv, begin, self.dt, self.settings.horizon)
 
-    def _optimise(self, state: JointState, reference: Reference) -> tuple[Optimum | None, Plan]:
+    def _optimise(
+        self, state: JointState, reference: Reference
+    ) -> tuple[Optimum | None, Plan | None]:
         """Linearise along the last plan and solve; without a plan, repeat along the new one."""
         formulation, horizon, bounds = self._formulation, self.settings.horizon, self._bounds
         if (np.abs(state.v) > self.robot.limits.v_max).any():
@@ -208,13 +203,13 @@ class MpcController:
         if u is None:
             rounds = formulation.linearisations
             self._solver.reset()
-        rest = np.zeros((horizon, self.robot.nv))
-        plan, optimum = Plan(rest, rest, rest), None
+        plan: Plan | None = None
+        optimum: Optimum | None = None
         for _ in range(rounds):
             try:
                 program = formulation.build(state, reference, u, self.observer.disturbance)
             except np.linalg.LinAlgError:
-                return None, plan
+                return None, None
             optimum = self._solver.solve(program, bounds)
             if optimum.status is not QpStatus.SOLVED:
                 break
@@ -231,6 +226,16 @@ class MpcController:
         low, high, speed = self._believable
         plausible = (state.q >= low) & (state.q <= high) & (np.abs(state.v) <= speed)
         return bool(plausible.all())
+
+    def _within_rate(self, optimum: Optimum) -> Array:
+        """Return the torque of stage 0; a limit of its change holds to the last digit."""
+        if self._most_change is None:
+            return np.asarray(optimum.tau[0])
+        last = optimum.bounds.last_torque
+        change = np.minimum(
+            np.maximum(optimum.tau[0] - last, -self._most_change), self._most_change
+        )
+        return np.asarray(last + change)
 
     def _torque_change(self) -> Array | None:
         """Return the largest change of torque in a step, shape (nv,) [N m]."""

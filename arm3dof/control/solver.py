@@ -32,6 +32,7 @@ from arm3dof.state import Array
 _MOST_ROUNDS = 8
 _MOST_ROWS = 3.0  # limits a decision; with more, braking is the better answer
 _MOST_WORK = 30.0  # duals with as many limits as decisions, in one control step
+_MOST_WORK_AT_ONCE = 3.0  # in one step of the continuation; a smaller one is less work
 _PATIENCE = 3  # after so many rounds a joint's limit is added for all stages at once
 _TORQUE_ERROR = 0.1  # a tangent that errs by more of its limit is taken anew, ...
 _MOST_TANGENTS = 3  # ... so often in a step
@@ -140,8 +141,9 @@ class ProgramSolver:
             new = (excess > tolerance).ravel().nonzero()[0]
         working = WorkingSet.of(program, bounds, new, w)
         z = np.ones(new.size)
+        most = self._work + _MOST_WORK_AT_ONCE if program.start is None else _MOST_WORK
         for attempt in range(_MOST_ROUNDS):
-            if not self._affords(working.b.size / w.size):
+            if not self._affords(working.b.size / w.size, most):
                 values = limited(program, bounds, program.w_free)
                 return _without_limits(program, bounds, values, QpStatus.ITERATION_LIMIT)
             inside = np.ones(working.b.size, dtype=np.bool_)
@@ -152,7 +154,8 @@ class ProgramSolver:
             error = _replace_by_tangents(values, excess, bounds, working, w)
             if status is QpStatus.SOLVED and not np.isfinite(values).all():
                 status = QpStatus.NOT_FINITE
-            new = _broken(excess, tolerance, working, all_stages=attempt >= _PATIENCE - 1)
+            impatient = program.start is not None and attempt >= _PATIENCE - 1
+            new = _broken(excess, tolerance, working, all_stages=impatient)
             if status is not QpStatus.SOLVED or not new.size:
                 break
             working = working.joined(WorkingSet.of(program, bounds, new, w))
@@ -162,10 +165,15 @@ class ProgramSolver:
         softened = bool((excess[:, soft] > bounds.tolerance[soft]).any())
         return Optimum(w, values, status, softened, working, z, error, program, bounds)
 
-    def _affords(self, rows: float) -> bool:
-        """Whether one more dual may be solved, with so many limits a decision."""
+    def _affords(self, rows: float, most: float) -> bool:
+        """Whether one more dual may be solved.
+
+        Args:
+            rows: its limits a decision.
+            most: work up to which it may.
+        """
         late = self._deadline is not None and time.perf_counter() >= self._deadline
-        if late or rows > _MOST_ROWS or self._work + rows**3 > _MOST_WORK:
+        if late or rows > _MOST_ROWS or self._work + rows**3 > min(most, _MOST_WORK):
             return False
         self._work += rows**3
         return True
