@@ -165,7 +165,7 @@ class ProgramSolver:
         softened = bool((excess[:, soft] > bounds.tolerance[soft]).any())
         return Optimum(w, values, status, softened, working, z, error, program, bounds)
 
-    def _affords(self, rows: float, most: float) -> bool:
+    def _affords(self, rows: float, most: float = _MOST_WORK) -> bool:
         """Whether one more dual may be solved.
 
         Args:
