@@ -144,6 +144,7 @@ def _build_charts(studio: Studio) -> dict[str, int]:
                     sanitize=False,
                 )
                 made = ui.echart(chart_options(chart, studio.robot)).classes("plot")
+                made.props(f'role=img aria-label="{chart.title} of each joint over time"')
                 ids[chart.name] = made.id
     return ids
 
