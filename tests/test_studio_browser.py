@@ -361,7 +361,8 @@ def test_it_fits_the_window(
 
 
 NAMELESS = """() => [...document.querySelectorAll(
-    "button, input, canvas:not([data-zr-dom-id]), iframe, [role=slider], [role=switch], [role=combobox]")]
+    "button, input, canvas:not([data-zr-dom-id]), iframe," +
+    "[role=slider], [role=switch], [role=combobox]")]
   .filter((it) => it.offsetParent !== null)
   .filter((it) => !(it.textContent.trim() || it.ariaLabel || it.title || it.labels?.length
     || it.closest("label")))
