@@ -27,7 +27,7 @@ from arm3dof.state import JointState
 
 COUNT = 9
 SORTED = ("red", "green", "blue")
-REGION = Region(radius=(0.135, 0.225), bearing=(-0.95, 0.95))
+REGION = Region(radius=(0.135, 0.225), bearing=(-0.85, 0.95))
 WIDTHS, HEIGHTS, MASSES = (0.020, 0.030), (0.030, 0.050), (0.010, 0.060)
 """Of the objects: width and height [m], mass [kg]."""
 GAP = 0.024
@@ -38,7 +38,7 @@ TIME_LIMIT = 240.0
 """For all of them [s]."""
 _BELIEVED_MASS = 0.035  # of each of them [kg]
 _BIN_RADIUS, _BIN_HALF = 0.19, (0.06, 0.06)  # [m]
-_BIN_BEARINGS = (-1.38, 1.45, -2.08)  # [rad]; the base turns to -2.35
+_BIN_BEARINGS = (-1.38, 1.65, -2.08)  # [rad]; the base turns to -2.35
 
 
 @dataclass(frozen=True)
