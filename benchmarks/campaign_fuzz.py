@@ -283,7 +283,9 @@ def _good_step(
     tally.good[f"arm {arm}: {after.status.name}"] += 1
     if not controller.observer.jumped or learned or sent:
         return state  # what acted before, and what was learned, rightly matters
-    if after.status is not fresh.status and not _is_close_call(robot, settings, state, target):
+    if after.status is not fresh.status and not _is_close_call(
+        robot, settings, state, target, fresh.status
+    ):
         names = f"{after.status.name} for {fresh.status.name}"
         tally.blame("differs from a fresh controller", f"{names}, {at}")
     if fresh.source is not TorqueSource.OPTIMUM:
@@ -296,10 +298,12 @@ def _good_step(
     return state
 
 
-def _is_close_call(robot: Robot, settings: MpcSettings, state: JointState, target: Array) -> bool:
+def _is_close_call(
+    robot: Robot, settings: MpcSettings, state: JointState, target: Array, known: ControlStatus
+) -> bool:
     """Whether fresh controllers differ among themselves: rounding decides if that is solved."""
     fresh = (MpcController(robot, settings).step(state, target) for _ in range(8))
-    return len({step.status for step in fresh}) > 1
+    return any(step.status is not known for step in fresh)
 
 
 def _state(kind: str, last: JointState, robot: Robot, rng: np.random.Generator) -> JointState:
