@@ -105,8 +105,11 @@ def _lights(size: float) -> list[Command]:
         "groundColor": 0xB9C3CE,
         "intensity": 0.5,
     }
+    # the viewer's menu stumbles over a light that is drawn in place of another
+    gone = [shapes.delete(f"/Lights/{name}") for name in ("Key", "Fill", "Sky")]
     return [
         *off,
+        *gone,
         shapes.draw_light("/Lights/Key", key, (1.2 * size, -2.4 * size, 4.2 * size)),
         shapes.draw_light("/Lights/Fill", fill, (-3 * size, 2 * size, 1.6 * size)),
         shapes.draw_light("/Lights/Sky", sky, (0.0, 0.0, size)),

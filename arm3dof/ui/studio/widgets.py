@@ -55,9 +55,7 @@ def button(
         made.classes("plain")
     if not text:
         made.props(f'aria-label="{tip}" flat round')
-    with made:
-        ui.tooltip(tip)
-    return made
+    return made.props(f'title="{tip}"')
 
 
 def heading(text: str) -> None:
@@ -73,8 +71,7 @@ def slider(field: Field, value: float, on_release: Callable[[float], Any]) -> ui
         value: the value at first.
         on_release: called with the value that was chosen.
     """
-    with ui.element("label").classes("field") as row:
-        ui.tooltip(field.tooltip)
+    with ui.element("label").classes("field").props(f'title="{field.tooltip}"') as row:
         ui.html(f"<span>{field.label}</span>", sanitize=False)
         made = ui.slider(min=field.low, max=field.high, step=field.step, value=value)
         made.props(f'label-always=false aria-label="{field.label}"')
