@@ -110,8 +110,10 @@ def run_task(
         if watch is not None:
             watch(measured, answer, task.phase)
         plant.command_gripper(command.opening)
-        for _ in range(hold):
+        for remaining in reversed(range(hold)):
             plant.step(answer.tau)
+            if remaining:  # the last reading is the next step's measurement
+                controller.observe(plant.measure())
     failure = task.failure
     if not task.phase.is_final:
         failure = Refusal(Failure.TIMED_OUT, f"{longest:.0f} s")
