@@ -86,7 +86,8 @@ def test_no_path_leaves_the_static_folders(program: Program) -> None:
             for file in ("etc/passwd", "nicegui.py"):
                 status, _, body = get(program, f"{folder}/{way}{file}")
                 assert b"root:" not in body, (folder, way, file)
-                assert b"import " not in body, (folder, way, file)
+                assert b"from nicegui" not in body, (folder, way, file)
+                assert b"from . import" not in body, (folder, way, file)
                 assert status in (400, 403, 404), (folder, way, file)
 
 

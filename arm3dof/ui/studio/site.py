@@ -24,7 +24,11 @@ POLICY = (
 RECONNECT = 3.0
 """How long a tab that lost its connection may take to come back as the same tab [s]."""
 # what a client asks for in vain, or says wrongly, is no news for the terminal
-_LOUDEST = {"nicegui": logging.ERROR, "engineio": logging.CRITICAL, "socketio": logging.CRITICAL}
+_LOUDEST = {
+    "nicegui": logging.ERROR,
+    "engineio.server": logging.CRITICAL,
+    "socketio.server": logging.CRITICAL,
+}
 _WEB = Path(__file__).parent / "web"
 
 
