@@ -76,6 +76,14 @@ class JointState:
         object.__setattr__(self, "q", q)
         object.__setattr__(self, "v", frozen_array(self.v, q.size, name="v"))
 
+    @classmethod
+    def adopt(cls, t: float, q: Array, v: Array) -> JointState:
+        """Return a state that takes over its arrays, unchecked, and freezes them."""
+        state = object.__new__(cls)
+        q.flags.writeable = v.flags.writeable = False
+        state.__dict__.update(t=t, q=q, v=v)
+        return state
+
     @property
     def is_finite(self) -> bool:
         """Whether every number in the state is finite."""

@@ -79,7 +79,7 @@ def test_the_gains_are_those_of_the_riccati_equation():
     noise = (ratio * DT**2) ** 2 * seen.noise
     P = solve_discrete_are(move.T, look.T, unknown, noise)
     expected = P @ look.T @ np.linalg.inv(look @ P @ look.T + noise)
-    found = table.gain[table.edges.searchsorted(ratio)]
+    found = table.gain[np.searchsorted(table.edges, ratio)]
     np.testing.assert_allclose(found, expected[[0, 1, 3]], rtol=1e-6, atol=1e-9)
 
 

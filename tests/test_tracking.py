@@ -52,7 +52,7 @@ def test_a_motion_is_what_constant_accelerations_make(blocks):
 def test_torques_are_pinocchios_and_follow_the_masses():
     rng = np.random.default_rng(1)
     robot = load_robot("arm3dof").clone()
-    torque, tau = HorizonTorque(robot, 0.05), np.empty((20, 3))
+    torque, tau = HorizonTorque(robot, 0.05, 20), np.empty((20, 3))
     motion = MotionMap(MpcSettings())(*rng.normal(size=(2, 3)), rng.normal(size=60))
     for _ in range(2):
         torque.evaluate(motion, tau)

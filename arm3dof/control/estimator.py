@@ -13,6 +13,7 @@ Without noise the filter believes every measurement, as if it were not there.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from functools import lru_cache
 
 import numpy as np
@@ -54,10 +55,7 @@ class StateEstimator:
         """
         self._nv, self._dt, self._learning, self._given = nv, dt, learning, noise
         # a surprise is read from the most telling measurements: [q, v], or [mean, slope]
-        self._telling = {
-            2: np.array([2 / dt**2, 1 / dt]),
-            4: np.array([0.0, 0.0, 6 / dt**2, 2 / dt]),
-        }
+        self._telling = {2: (2 / dt**2, 1 / dt), 4: (6 / dt**2, 2 / dt)}
         self._readings, self._first_time = np.empty((_MOST, nv)), 0.0
         self._gap_variance = 2.0 + (VELOCITY_NOISE * dt) ** 2 / 2  # of noise of variance 1
         self.reset()
@@ -71,7 +69,7 @@ class StateEstimator:
     def restart(self, state: JointState) -> None:
         """Believe a measurement that does not follow from those before."""
         self.q, self.v = state.q, state.v
-        self._surprise = np.full(self._nv, _LEAST_SURPRISE)
+        self._surprise = [_LEAST_SURPRISE] * self._nv
         self._read = 0
 
     def drop_readings(self) -> None:
@@ -99,37 +97,54 @@ class StateEstimator:
             The acceleration beyond ``u`` that is expected to last, shape (nv,) [rad/s^2].
         """
         dt, readings = self._dt, self._sample(state)
-        if self._given is None and readings is None:
-            self._learn_from_gap(gap, u)
-        elif self._given is None and readings is not None:
-            self._learn_from_roughness(readings)
+        if self._given is None:
+            if readings is None:
+                self._learn_from_gap(gap, u)
+            else:
+                self._learn_from_roughness(readings)
         v = self.v + dt * u
-        q = self.q + dt / 2 * (self.v + v)
         if max(self.noise.tolist()) < _NEGLIGIBLE:
             self.q, self.v = state.q, state.v
             return np.asarray(self._learning / dt * (state.v - v))
+        q = self.q + dt / 2 * (self.v + v)
         count = 1 if readings is None else len(readings)
-        new = np.empty((self._nv, 2 if readings is None else 4))
-        new[:, 0], new[:, 1] = state.q - q, state.v - v
+        new = np.empty((2 if readings is None else 4, self._nv))
+        np.subtract(state.q, q, out=new[0])
+        np.subtract(state.v, v, out=new[1])
         if readings is not None:
             seen = sensor(dt, count)
-            new[:, 2:] = (seen.summary @ readings - seen.of_state[2:] @ np.array([q, v, u])).T
-        change = self._weigh(new, gains(dt, self._learning, count))
-        self.q, self.v = q + change[:, 0], v + change[:, 1]
-        return np.asarray(change[:, 2])
+            new[2:] = seen.summary @ readings - seen.of_state[2:] @ np.array([q, v, u])
+        table = gains(dt, self._learning, count)
+        rows = self._rows(new[-2:].tolist(), table)
+        if not any(rows):  # the first row believes what is measured
+            self.q, self.v = state.q, state.v
+            return np.asarray(self._learning / dt * new[1])
+        change = (table.gain.take(rows, axis=0) @ new.T[:, :, np.newaxis])[:, :, 0].T
+        self.q, self.v = q + change[0], v + change[1]
+        return np.asarray(change[2])
 
-    def _weigh(self, new: Array, table: Gains) -> Array:
-        """Return what innovations change in [q, v, d], shape (nv, 3), and be surprised by them."""
-        telling = self._telling[new.shape[1]]
-        scale = self.noise / self._dt**2
-        row = table.edges.searchsorted(scale / self._surprise)
-        expected = _SURPRISING * self._surprise[:, np.newaxis] * table.spread[row]
-        beyond = ((np.abs(new) - expected) * telling).max(axis=1)
-        if any((beyond > self._surprise).tolist()):
-            self._surprise = np.maximum(self._surprise, beyond)
-            row = table.edges.searchsorted(scale / self._surprise)
-        self._surprise = np.maximum(_CALMING * self._surprise, _LEAST_SURPRISE)
-        return np.asarray(np.matmul(table.gain[row], new[:, :, np.newaxis])[:, :, 0])
+    def _rows(self, new: list[list[float]], table: Gains) -> list[int]:
+        """Return each joint's row of the table, and be surprised by the telling innovations.
+
+        Plain numbers, joint by joint: arrays this small cost more than what is done with them.
+        """
+        rows, surprises = [], []
+        far, fast = self._telling[table.gain.shape[2]]
+        joints = zip(*new, self.noise.tolist(), self._surprise, strict=True)
+        for first, second, noise, surprise in joints:
+            scale = noise / self._dt**2
+            row = bisect_left(table.edges, scale / surprise)
+            spread, likely = table.telling[row], _SURPRISING * surprise
+            beyond = max(
+                far * (abs(first) - likely * spread[0]), fast * (abs(second) - likely * spread[1])
+            )
+            if beyond > surprise:
+                surprise = beyond
+                row = bisect_left(table.edges, scale / surprise)
+            rows.append(row)
+            surprises.append(max(_CALMING * surprise, _LEAST_SURPRISE))
+        self._surprise = surprises
+        return rows
 
     def _sample(self, state: JointState) -> Array | None:
         """Return the readings of a sample, shape (count, nv), if they are many and evenly spaced.
@@ -157,8 +172,8 @@ class StateEstimator:
 
     def _learn_from_gap(self, gap: Array, u: Array) -> None:
         """Learn the noise from how far a position is from where the velocities lead."""
-        fastest = max(abs(speed) for speed in self.v.tolist())
-        hardest = max(abs(acceleration) for acceleration in u.tolist())
+        fastest = max(map(abs, self.v.tolist()))
+        hardest = max(map(abs, u.tolist()))
         weight = (1.0 + (hardest / _SLOW[0]) ** 2 + (fastest / _SLOW[1]) ** 2) ** -2
         self._weight = _GAP_MEMORY * self._weight + weight
         share = weight / (self._weight + 1.0)  # 1: the belief that there is none, to begin with

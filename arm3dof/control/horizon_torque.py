@@ -23,17 +23,20 @@ from arm3dof.state import Array
 class HorizonTorque:
     """Inverse dynamics of all stages in one call, and their derivatives stage by stage."""
 
-    def __init__(self, robot: Robot, dt: float) -> None:
+    def __init__(self, robot: Robot, dt: float, horizon: int) -> None:
         """Create the evaluator of a robot.
 
         Args:
             robot: the robot; after its masses have changed, call ``refresh``.
             dt: length of a sample [s].
+            horizon: number of samples N.
         """
         self._model, self._data = robot.model, robot.model.createData()
         # damping counts from the middle of the sample: D (v + (share - 1/2) dt u)
         self._damping = robot.damping
         self._damping_inertia = robot.damping * (damping_share(robot, dt) - 0.5) * dt
+        self._every_damping = np.tile(self._damping, (horizon, 1))  # as large: faster to multiply
+        self._every_damping_inertia = np.tile(self._damping_inertia, (horizon, 1))
         self._damping_slopes = np.stack([np.diag(self._damping), np.diag(self._damping_inertia)])
         self.refresh()
 
@@ -45,8 +48,8 @@ class HorizonTorque:
         """Write the torques of all stages into ``out``, shape (N, nv) [N m]."""
         _, _, q, v, u = motion
         pin.rneaInParallel(1, self._pool, q.T, v.T, u.T, out.T)  # one call; on this one thread
-        out += self._damping * v
-        out += self._damping_inertia * u
+        out += self._every_damping * v
+        out += self._every_damping_inertia * u
 
     def linearise(self, motion: Motion, stages: NDArray[np.intp]) -> tuple[Array, Array]:
         """Return the torques of some stages, and how they change with the motion there.

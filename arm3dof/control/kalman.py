@@ -53,14 +53,14 @@ class Gains(NamedTuple):
     """The filter's gains, one row a ratio; the first row believes what is measured.
 
     Attributes:
-        edges: ratio from which on each row but the first is taken, shape (rows - 1,).
+        edges: ratio from which on each row but the first is taken; one less than rows.
         gain: of the innovations on [q, v, d], shape (rows, 3, m).
-        spread: standard deviations of the innovations at s = 1, shape (rows, m).
+        telling: standard deviations of the last two innovations at s = 1, a pair a row.
     """
 
-    edges: Array
+    edges: list[float]
     gain: Array
-    spread: Array
+    telling: list[list[float]]
 
 
 @lru_cache(maxsize=16)
@@ -111,7 +111,8 @@ def gains(dt: float, learning: float, count: int) -> Gains:
         S = look @ P @ look.T + noise
         gain.append((P @ look.T @ np.linalg.inv(S))[[0, 1, 3]])
         spread.append(np.sqrt(S.diagonal()))
-    return Gains(2.0 ** (octaves - 0.5 / _PER_OCTAVE), np.array(gain), np.array(spread))
+    edges = 2.0 ** (octaves - 0.5 / _PER_OCTAVE)
+    return Gains(edges.tolist(), np.array(gain), np.array(spread)[:, -2:].tolist())
 
 
 def _lasting_covariance(A: Array, C: Array, Q: Array, R: Array) -> Array:

@@ -46,6 +46,7 @@ class LoadEstimator:
         loaded = [body.toDynamicParameters() for body in self._unit.model.inertias]
         self._load_parameters = [b - a for a, b in zip(self._parameters, loaded, strict=True)]
         self._data = self._nominal.model.createData()
+        self._unit_data = self._unit.model.createData()
         limits = nominal.limits
         scale = np.where(limits.tau_max > 0, limits.tau_max, 1.0)
         self._weight = 1.0 / (_TORQUE_NOISE * scale)
@@ -54,9 +55,9 @@ class LoadEstimator:
         self._most_load = 1.0 / per_kilogram
         self._load_prior = (_LOAD_PRIOR * self._most_load) ** -2.0
         self._error_prior = _MASS_ERROR_PRIOR**-2.0
-        self._taught = (0.0, 0.0)
-        nothing = np.zeros(nominal.nv)
-        self._motion = nothing, nothing, nothing
+        self._taught, self._shares = (0.0, 0.0), np.zeros(3)
+        # of the last motion: the torque that a unit load and the nominal masses take, and r
+        self._motion = np.zeros((3, nominal.nv))
         self.reset()
 
     def reset(self) -> None:
@@ -73,22 +74,22 @@ class LoadEstimator:
             a: mean acceleration, shape (nv,) [rad/s^2].
             tau: torque that acted, friction compensation taken off, shape (nv,) [N m].
         """
-        rigid = np.array(pin.rnea(self._nominal.model, self._data, q, v, a))
-        per_load = pin.rnea(self._unit.model, self._data, q, v, a) - rigid
+        rigid = pin.rnea(self._nominal.model, self._data, q, v, a)
+        per_load = pin.rnea(self._unit.model, self._unit_data, q, v, a) - rigid
         unexplained = tau - rigid - self._damping * v
-        self._motion = unexplained, per_load, rigid
+        self._motion = np.array((per_load, rigid, unexplained))
         return np.asarray(unexplained)
 
     def learn(self) -> None:
         """Learn from the motion that ``unexplained`` was asked about last."""
-        unexplained, per_load, rigid = self._motion
         # the normal equations of the two unknowns, in noise units; small enough to write out
-        y, s, r = per_load * self._weight, rigid * self._weight, unexplained * self._weight
-        self._yy = _FORGET * self._yy + float(y @ y)
-        self._ys = _FORGET * self._ys + float(y @ s)
-        self._ss = _FORGET * self._ss + float(s @ s)
-        self._yr = _FORGET * self._yr + float(y @ r)
-        self._sr = _FORGET * self._sr + float(s @ r)
+        motion = self._motion * self._weight
+        (yy, ys, yr), (_, ss, sr), _ = motion.dot(motion.T).tolist()
+        self._yy = _FORGET * self._yy + yy
+        self._ys = _FORGET * self._ys + ys
+        self._ss = _FORGET * self._ss + ss
+        self._yr = _FORGET * self._yr + yr
+        self._sr = _FORGET * self._sr + sr
         yy, ss = self._yy + self._load_prior, self._ss + self._error_prior
         determinant = yy * ss - self._ys * self._ys
         load = (ss * self._yr - self._ys * self._sr) / determinant
@@ -98,9 +99,7 @@ class LoadEstimator:
 
     def explained(self) -> Array:
         """Return the torque of the last motion that load and mass error explain, (nv,) [N m]."""
-        _, per_load, rigid = self._motion
-        load, error = self._taught
-        return np.asarray(load * per_load + error * rigid)
+        return np.asarray(self._shares @ self._motion)
 
     def teach(self, robot: Robot) -> bool:
         """Give what was learned to a robot that belongs to the controller alone.
@@ -112,7 +111,7 @@ class LoadEstimator:
         near = abs(new[0] - load) < _SAME * self._most_load and abs(new[1] - error) < _SAME
         if near and new != (0.0, 0.0):
             return False
-        self._taught = new
+        self._taught, self._shares = new, np.array((*new, 0.0))
         rows = zip(self._parameters, self._load_parameters, strict=True)
         for joint, (own, extra) in enumerate(rows):
             if joint > 0:  # joint 0 is the world

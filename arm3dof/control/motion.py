@@ -66,6 +66,11 @@ class MotionMap:
             v: velocities at stage 0, shape (nv,) [rad/s].
             w: decisions, those of all joints together for each block, shape (n,) [rad/s^2].
         """
+        return Motion(*self.stacked(q, v, w)[1:])
+
+    def stacked(self, q: Array, v: Array, w: Array) -> Array:
+        """Return the parts of a motion after room for one more, shape (6, N, nv)."""
         causes = np.concatenate((w, q, v)).reshape(-1, q.size)
-        parts = (self._by_cause @ causes).reshape(5, -1, q.size)
-        return Motion(*parts)
+        stack = np.empty((6, len(self._by_cause) // 5, q.size))
+        np.matmul(self._by_cause, causes, out=stack[1:].reshape(-1, q.size))
+        return stack

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -59,18 +60,22 @@ class MpcController:
         self._fallback = Fallback(self.robot, wish.dt, wish.plan_validity)
         tau_max = robot.limits.tau_max
         self._friction = np.minimum(robot.friction, _FRICTION_SHARE * tau_max)
+        self._has_friction = bool(self._friction.any())
         scale = max(float(np.abs(self._formulation.weights.Q).max()), 1e-6)
         self._bounds = Bounds.of(
             robot.limits, tau_max - self._friction, wish.limit_weight * scale, wish.horizon
         )
-        self._believable = (
+        believable = (
             robot.limits.q_min - _MOST_OUTSIDE,
             robot.limits.q_max + _MOST_OUTSIDE,
             _MOST_OVERSPEED * robot.limits.v_max,
         )
+        self._believable = np.stack(believable, axis=1).tolist()  # a row for each joint
+        self._torque_range = -tau_max, tau_max
+        self._v_max = robot.limits.v_max.tolist()
         self._most_change = self._torque_change()
         self._tau: Array | None = None
-        self._target: Array | None = None
+        self._target: list[float] | None = None
 
     @property
     def dt(self) -> float:
@@ -122,7 +127,7 @@ class MpcController:
         self._fallback.remember(plan)
         self._solver.advance(self.settings.horizon, self.robot.nv)
         rigid = self._within_rate(optimum)
-        tau = rigid + self._friction_compensation(plan.v[1])
+        tau = rigid + self._friction_compensation(plan.v[1]) if self._has_friction else rigid
         status = ControlStatus.SOFTENED if optimum.softened else ControlStatus.SOLVED
         # the paper's u leaves the Coriolis torque out; otherwise u is the acceleration
         u = optimum.w[: tau.size] if self.settings.formulation == "paper" else plan.u[0]
@@ -174,14 +179,17 @@ class MpcController:
 
     def _within_reach(self, reference: Reference, state: JointState) -> Reference:
         """Return the reference, with absurdly far targets moved nearer: they take long to solve."""
-        if max(abs(q) for q in reference.q[0].tolist()) < _FARTHEST:
+        if max(map(abs, reference.q[0].tolist())) < _FARTHEST:
             return reference
         low, high = state.q - _FARTHEST, state.q + _FARTHEST
         return Reference(np.clip(reference.q, low, high), reference.v)
 
     def _target_jumped(self, reference: Reference) -> bool:
-        last, self._target = self._target, reference.q[0]
-        return last is None or bool((np.abs(last - self._target) > _TARGET_JUMP).any())
+        last, self._target = self._target, reference.q[0].tolist()
+        if last is None:
+            return True
+        moves = zip(last, self._target, strict=True)
+        return any(abs(after - before) > _TARGET_JUMP for before, after in moves)
 
     def _reference(self, state: JointState, target: Target) -> Reference:
         begin = state.t + self.settings.delay
@@ -192,7 +200,7 @@ class MpcController:
     ) -> tuple[Optimum | None, Plan | None]:
         """Linearise along the last plan and solve; without a plan, repeat along the new one."""
         formulation, horizon, bounds = self._formulation, self.settings.horizon, self._bounds
-        if (np.abs(state.v) > self.robot.limits.v_max).any():
+        if any(abs(v) > most for v, most in zip(state.v.tolist(), self._v_max, strict=True)):
             bounds = bounds.slowing_from(state.v)
         if self._most_change is not None:
             tau_max = self.robot.limits.tau_max
@@ -223,9 +231,8 @@ class MpcController:
         return Plan((v[1:] - v[:-1]) / self.dt, q, v)
 
     def _is_plausible(self, state: JointState) -> bool:
-        low, high, speed = self._believable
-        plausible = (state.q >= low) & (state.q <= high) & (np.abs(state.v) <= speed)
-        return bool(plausible.all())
+        joints = zip(state.q.tolist(), state.v.tolist(), self._believable, strict=True)
+        return all(low <= q <= high and abs(v) <= most for q, v, (low, high, most) in joints)
 
     def _within_rate(self, optimum: Optimum) -> Array:
         """Return the torque of stage 0; a limit of its change holds to the last digit."""
@@ -260,10 +267,12 @@ class MpcController:
     def _finish(
         self, answer: Answer, reference: Reference, status: ControlStatus, start: float
     ) -> ControlStep:
-        tau_max = self.robot.limits.tau_max
-        tau = answer.tau if np.isfinite(answer.tau).all() else np.nan_to_num(answer.tau)
-        tau = np.minimum(np.maximum(tau, -tau_max), tau_max)
-        self.observer.command(answer.plan.u[0], tau - (answer.tau - answer.rigid))
+        low, high = self._torque_range
+        finite = all(map(math.isfinite, answer.tau.tolist()))
+        tau = answer.tau if finite else np.nan_to_num(answer.tau)
+        tau = np.minimum(np.maximum(tau, low), high)
+        against_friction = 0.0 if answer.tau is answer.rigid else answer.tau - answer.rigid
+        self.observer.command(answer.plan.u[0], tau - against_friction)
         self._tau = tau
         rows = len(answer.plan.q)
         target = reference.q if len(reference.q) == 1 else reference.q[:rows]

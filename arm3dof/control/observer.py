@@ -52,7 +52,11 @@ class Observer:
                 believe every measurement.
         """
         self._robot, self._dt, self._gain = robot, dt, gain
-        self._q_min, self._q_max = robot.limits.q_min, robot.limits.q_max
+        limits = robot.limits
+        self._q_min, self._q_max, self._tau_max = limits.q_min, limits.q_max, limits.tau_max
+        self._tau_min = -limits.tau_max
+        self._range = list(zip(limits.q_min.tolist(), limits.q_max.tolist(), strict=True))
+        self._absurd = (_MOST_UNEXPLAINED * limits.tau_max).tolist()
         self._whole = int(delay / dt + 1e-9)
         self._part = max(delay - self._whole * dt, 0.0)
         self.estimator = LoadEstimator(robot)
@@ -84,8 +88,10 @@ class Observer:
         if last is not None:
             half = self._dt / 2
             gap = state.q - last.q - half * (last.v + state.v)
-            most = _JUMP + _JUMP_NOISE * self.filter.noise + half * np.abs(state.v - last.v)
-            self.jumped = bool((np.abs(gap) > most).any())
+            self.jumped = False
+            if any(abs(way) > _JUMP for way in gap.tolist()):
+                most = _JUMP + _JUMP_NOISE * self.filter.noise + half * np.abs(state.v - last.v)
+                self.jumped = bool((np.abs(gap) > most).any())
         if self.jumped or self._known < len(self._commands):
             self.filter.restart(state)  # what acted before the first command is not known
             return False
@@ -97,7 +103,7 @@ class Observer:
         lasting = self.filter.update(u, gap, state)
         if self._gain == 0:
             return False
-        middle = (q + self.filter.q) / 2, (v + self.filter.v) / 2
+        middle = 0.5 * (q + self.filter.q), 0.5 * (v + self.filter.v)
         return self._learn(*middle, u + lasting / self._gain, torque)
 
     def lose(self) -> None:
@@ -113,11 +119,11 @@ class Observer:
         """
         q, v = self.filter.q, self.filter.v
         if self._whole == 0 and self._part == 0.0:
-            return JointState(t, q, v)
+            return JointState.adopt(t, q, v)
         spans = [self._part] + [self._dt] * self._whole
         for span, (u, _) in zip(spans, list(self._commands)[1:], strict=True):
             t, q, v = t + span, q + span * v + span**2 / 2 * u, v + span * u
-        return JointState(t, q, v)
+        return JointState.adopt(t, q, v)
 
     def command(self, acceleration: Array, torque: Array) -> None:
         """Note this step's command.
@@ -130,9 +136,8 @@ class Observer:
         self._known += 1
 
     def _learn(self, q: Array, v: Array, acceleration: Array, torque: Array) -> bool:
-        limit = self._robot.limits.tau_max
         unexplained = self.estimator.unexplained(q, v, acceleration, torque)
-        if (np.abs(unexplained) > _MOST_UNEXPLAINED * limit).any():
+        if any(abs(r) > most for r, most in zip(unexplained.tolist(), self._absurd, strict=True)):
             self.jumped = True  # no load or push does this: the measurements do not belong together
             return False
         explained = self.estimator.explained()
@@ -145,7 +150,7 @@ class Observer:
         learned = self.disturbance - self._gain * surprise
         if taught:  # what load and masses explain now is no longer a disturbance, and the reverse
             learned += self.estimator.explained() - explained
-        self.disturbance = np.minimum(np.maximum(learned, -limit), limit)
+        self.disturbance = np.minimum(np.maximum(learned, self._tau_min), self._tau_max)
         return taught
 
     def _leans(self, q: Array, acceleration: Array, surprise: Array) -> bool:
@@ -156,7 +161,8 @@ class Observer:
         unlearned where nothing moves, is given up while the joint should leave.
         """
         near = _STOP + max(self.filter.noise.tolist())
-        if ((q > self._q_min + near) & (q < self._q_max - near)).all():
+        joints = zip(q.tolist(), self._range, strict=True)
+        if all(low + near < at < high - near for at, (low, high) in joints):
             return False
         end = np.where(q >= self._q_max - near, 1.0, 0.0) - (q <= self._q_min + near)
         held = end * surprise > 0

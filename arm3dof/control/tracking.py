@@ -22,7 +22,7 @@ from arm3dof.control.formulation import (
     invert_hessian,
 )
 from arm3dof.control.horizon_torque import HorizonTorque
-from arm3dof.control.motion import MotionMap
+from arm3dof.control.motion import Motion, MotionMap
 from arm3dof.control.prediction import condense, double_integrator, quadratic_cost
 from arm3dof.control.reference import Reference
 from arm3dof.control.settings import MpcSettings
@@ -51,7 +51,8 @@ class TrackingFormulation:
         nv, horizon = robot.nv, settings.horizon
         self.weights = Weights(settings, nv)
         self._blocks = block_of_stage(settings)
-        self._first_stages = np.flatnonzero(np.diff(self._blocks, prepend=-1))
+        first = np.flatnonzero(np.diff(self._blocks, prepend=-1))
+        self._first_stages = slice(None) if first.size == horizon else first
         prediction = condense(discretise(double_integrator(nv), settings), horizon)
         cost = quadratic_cost(prediction, self.weights.Q, self.weights.R, self.weights.P)
         half = blocked(cost.H, self._blocks, nv)
@@ -63,7 +64,7 @@ class TrackingFormulation:
         weighed[-1] = 2 * self.weights.P @ stacked[-1]
         self._gain = -self.hessian_inverse @ weighed.reshape(F.shape).T
         self._state_gain = self._gain @ prediction.C
-        self.motion, self.torque = MotionMap(settings), HorizonTorque(robot, settings.dt)
+        self.motion, self.torque = MotionMap(settings), HorizonTorque(robot, settings.dt, horizon)
         by_decision = self.motion.by_decision
         slopes = np.einsum("ckb,ij->ckibj", by_decision[:2], np.eye(nv))
         self.slopes = np.ascontiguousarray(slopes).reshape(2 * horizon * nv, -1)
@@ -111,12 +112,11 @@ class TrackingProgram:
 
     def values(self, w: Array) -> Array:
         """See ``Program.values``; the torques are exact."""
-        motion = self._formulation.motion(self._q, self._v, w)
-        values = np.empty((3, *motion.u.shape))
-        values[1], values[2] = motion.q, motion.v
-        self._formulation.torque.evaluate(motion, values[0])
-        values[0] -= self._disturbance
-        return values
+        stack = self._formulation.motion.stacked(self._q, self._v, w)
+        torque = stack[0]
+        self._formulation.torque.evaluate(Motion(*stack[1:]), torque)
+        torque -= self._disturbance
+        return stack[:3]
 
     def tangents(self, which: NDArray[np.intp], w: Array) -> tuple[Array, Array]:
         """See ``Program.tangents``."""
