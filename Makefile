@@ -32,9 +32,10 @@ test: $(DEV)  ## the tests, browser tests included; about two minutes
 test-fast: $(DEV)  ## the tests that need no browser
 	$(PYTEST) -m "not slow and not browser" $(ARGS)
 
-test-slow: $(DEV)  ## physics campaigns and large samples
+test-slow: $(DEV)  ## physics campaigns, large samples, and the studio in a browser, one at a time
 	@$(BIN)/python tools/ensure_chromium.py
-	$(PYTEST) -m slow $(ARGS)
+	$(PYTEST) -m "slow and not browser" $(ARGS)
+	$(BIN)/pytest -m "slow and browser" $(ARGS)
 
 lint: $(DEV)  ## ruff: style, docstrings, likely bugs, formatting
 	$(BIN)/ruff check .

@@ -363,6 +363,9 @@ def test_see_finds_what_is_named(ask, table):
         "p_camera_m",
         "p_base_m",
         "sigma_m",
+        "budget_m",
+        "certain",
+        "verdict",
     }
     assert found["target"] == "green"
     assert found["p_base_m"][2] == pytest.approx(-0.0875, abs=3e-3)

@@ -17,7 +17,7 @@ from arm3dof.model.library import load_robot
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.recording import Recording
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
 expect.set_options(timeout=60_000)
 EXACT = 1e-9
 PATIENCE = 240_000  # ms: a busy machine draws slowly

@@ -202,9 +202,25 @@ def test_a_lens_that_bends_nothing_changes_nothing():
 def test_without_a_renderer_one_line_names_the_cure(monkeypatch):
     monkeypatch.setattr(renderer, "BACKENDS", ("no_such_backend",))
     renderer.backend.cache_clear()
+    before = dict(os.environ)
     with pytest.raises(ArmError, match=r"nothing to draw with .* libegl1 .*libosmesa6"):
         renderer.backend()
+    assert dict(os.environ) == before
     renderer.backend.cache_clear()
+
+
+def test_a_renderer_that_does_not_exist_is_one_line():
+    program = "import sys; from arm3dof.cli import main; sys.exit(main())"
+    done = subprocess.run(
+        [sys.executable, "-c", program, "simulate", "--plant", "mujoco"],
+        env={**os.environ, "MUJOCO_GL": "nonsense"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: MUJOCO_GL is 'nonsense'")
+    assert done.stderr.count("\n") == 1
 
 
 DRAW = """

@@ -119,6 +119,9 @@ class Renderer:
             self._context.free()
 
 
+_VARIABLES = ("MUJOCO_GL", "PYOPENGL_PLATFORM")  # MuJoCo and PyOpenGL read them when imported
+
+
 @lru_cache(maxsize=1)
 def backend() -> tuple[str, Any]:
     """Return the name and the context class of the first backend that works on this machine.
@@ -131,9 +134,9 @@ def backend() -> tuple[str, Any]:
     asked = os.environ.get("MUJOCO_GL", "").lower().strip()
     names = sorted(BACKENDS, key=lambda name: name != asked)
     reasons = []
+    before = {name: os.environ.get(name) for name in _VARIABLES}
     for name in names:
-        os.environ["MUJOCO_GL"] = name
-        os.environ["PYOPENGL_PLATFORM"] = name
+        os.environ.update(dict.fromkeys(_VARIABLES, name))
         try:
             make = import_module(f"mujoco.{name}").GLContext
             context = make(16, 16)
@@ -146,4 +149,9 @@ def backend() -> tuple[str, Any]:
                 del sys.modules[module]  # PyOpenGL settles for one platform when it is imported
             continue
         return name, make
+    for variable, value in before.items():  # MuJoCo does not start where they name nonsense
+        if value is None:
+            del os.environ[variable]
+        else:
+            os.environ[variable] = value
     raise ArmError(f"nothing to draw with on this machine ({'; '.join(reasons)}); {_CURE}")
