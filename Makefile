@@ -14,7 +14,7 @@ export OMP_NUM_THREADS := 1
 PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo studio test test-fast test-slow lint format types contract docs bench images screenshots clean
+.PHONY: help demo studio test test-fast test-slow test-studio lint format types contract docs bench images screenshots clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s  %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -32,10 +32,13 @@ test: $(DEV)  ## the tests, browser tests included; about two minutes
 test-fast: $(DEV)  ## the tests that need no browser
 	$(PYTEST) -m "not slow and not browser" $(ARGS)
 
-test-slow: $(DEV)  ## physics campaigns, large samples, and the studio in a browser, one at a time
+test-slow: $(DEV)  ## physics campaigns, large samples
 	@$(BIN)/python tools/ensure_chromium.py
-	$(PYTEST) -m "slow and not browser" $(ARGS)
-	$(BIN)/pytest -m "slow and browser" $(ARGS)
+	$(PYTEST) -m "slow and not studio" $(ARGS)
+
+test-studio: $(DEV)  ## a person's path through the studio in a browser; wants idle cores
+	@$(BIN)/python tools/ensure_chromium.py
+	$(BIN)/pytest -m studio $(ARGS)
 
 lint: $(DEV)  ## ruff: style, docstrings, likely bugs, formatting
 	$(BIN)/ruff check .

@@ -17,10 +17,10 @@ from arm3dof.model.library import load_robot
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.recording import Recording
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
+pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.studio]
 expect.set_options(timeout=60_000)
 EXACT = 1e-9
-PATIENCE = 240_000  # ms: a busy machine draws slowly
+PATIENCE = 60_000  # ms: a busy machine draws slowly
 SCREENSHOTS = Path(__file__).parent.parent / "out" / "screenshots"
 LAST = "studio.live.last"
 
@@ -169,7 +169,7 @@ def test_the_light_dims_the_picture(page: Page) -> None:
     panel(page, "See")
     mean = """() => { const c = document.getElementById("picture");
       const d = c.getContext("2d").getImageData(0, 0, 60, 60).data;
-      return d.reduce((sum, x) => sum + x, 0) / d.length; }"""
+      return d.reduce((sum, x, k) => k % 4 < 3 ? sum + x : sum, 0) / d.length; }"""
     bright = page.evaluate(mean)
     focus_slider(page, "Light")
     for _ in range(10):
@@ -253,8 +253,7 @@ def test_time_pauses_and_goes_on_step_by_step(page: Page) -> None:
     page.wait_for_function(f"{LAST}.paused")
     before = page.evaluate(f"{LAST}.t.at(-1)")
     page.get_by_role("button", name="Step").click()
-    page.wait_for_function(f"{LAST}.t.at(-1) > {before}")
-    assert page.evaluate(f"{LAST}.t.at(-1)") == pytest.approx(before + 0.05, abs=1e-3)
+    page.wait_for_function(f"Math.abs({LAST}.t.at(-1) - {before + 0.05}) < 1e-3")
     page.get_by_role("button", name="Pause").click()
     page.wait_for_function(f"!{LAST}.paused")
 
