@@ -25,7 +25,7 @@ demo: $(BASE)  ## picture -> target -> motion, then a page that plays it (ARGS=-
 studio: $(LIVE)  ## a live page: see, aim, grasp, tune (ARGS=--no-browser: only serve it)
 	$(BIN)/arm3dof studio $(ARGS)
 
-test: $(DEV)  ## the tests, browser tests included; about two minutes
+test: $(DEV)  ## the tests, browser tests included; about three minutes
 	@$(BIN)/python tools/ensure_chromium.py
 	$(PYTEST) -m "not slow" $(ARGS)
 
