@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from arm3dof import MpcController, MpcSettings, load_robot
+from arm3dof.control import solver
 from arm3dof.control.observer import Observer
-from arm3dof.control.qp import BoxWorkspace
 from arm3dof.control.solver import ProgramSolver
 from arm3dof.model.robot import Robot
 from benchmarks.arms import problem_of
@@ -158,7 +158,7 @@ def shares(robot: Robot, settings: MpcSettings, motions: list[Motion]) -> dict[s
             "observe": (Observer, "measure"),
             "build": (type(controller._formulation), "build"),
             "program": (ProgramSolver, "solve"),
-            "solver": (BoxWorkspace, "solve"),
+            "dual": (solver, "solve_box"),
         }
     )
     laps = []
@@ -175,8 +175,8 @@ def shares(robot: Robot, settings: MpcSettings, motions: list[Motion]) -> dict[s
     parts = {
         "observer": spent["observe"],
         "torque rows, prediction": spent["build"],
-        "limits": spent["program"] - spent["solver"],
-        "ProxQP": spent["solver"],
+        "limits": spent["program"] - spent["dual"],
+        "dual": spent["dual"],
     }
     parts["rest"] = spent["step"] - sum(parts.values())
     return {part: seconds / spent["step"] for part, seconds in parts.items()}

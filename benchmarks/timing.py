@@ -83,13 +83,14 @@ def take_turns(
 
 
 class Stopwatch:
-    """Adds up the time that is spent inside some methods."""
+    """Adds up the time that is spent inside some methods and functions."""
 
-    def __init__(self, parts: Mapping[str, tuple[type, str]]) -> None:
+    def __init__(self, parts: Mapping[str, tuple[object, str]]) -> None:
         """Create a stopwatch.
 
         Args:
-            parts: what each method's share is called; a method may run inside another's.
+            parts: the class or module that has each, and its name there, by what its share is
+                called; one may run inside another.
         """
         self._parts = parts
         self._seconds = dict.fromkeys(parts, 0.0)
@@ -108,7 +109,7 @@ class Stopwatch:
             yield
 
     @contextmanager
-    def _timed(self, part: str, owner: type, name: str) -> Iterator[None]:
+    def _timed(self, part: str, owner: object, name: str) -> Iterator[None]:
         method = getattr(owner, name)
 
         @wraps(method)

@@ -3,7 +3,7 @@
 import pytest
 
 from arm3dof import MpcSettings
-from benchmarks import campaign_control, campaign_loops
+from benchmarks import campaign_control, campaign_fuzz, campaign_loops
 from benchmarks.campaign_loops import Conditions
 
 
@@ -14,6 +14,14 @@ def test_hostile_steps_violate_nothing():
     assert found["violations"] == {}, found["examples"]
     assert found["compared_with_fresh"] > 0
     assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
+
+
+@pytest.mark.slow
+def test_an_arm_without_speed_is_answered_as_by_a_fresh_controller_where_rows_are_dependent():
+    found = campaign_fuzz.summary(campaign_fuzz.run_fuzz((0, range(52, 53))))
+    assert found["violations"] == {}, found["examples"]
+    assert found["compared_with_fresh"] > 20
+    assert found["largest_difference_nm"] == 0.0
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 from arm3dof.control.horizon_torque import HorizonTorque
 from arm3dof.control.motion import MotionMap
 from arm3dof.control.mpc import MpcController
-from arm3dof.control.qp import BoxWorkspace, QpSettings, QpStatus, QuadraticProgram
+from arm3dof.control.qp import QpStatus
 from arm3dof.control.reference import JointTrajectory, sample_target
 from arm3dof.control.settings import MpcSettings
 from arm3dof.control.tracking import TrackingFormulation
@@ -120,28 +120,3 @@ def test_a_reference_that_stands_still_is_a_constant_target():
     controller = MpcController(robot)
     one, other = (controller.optimise(state, aim) for aim in (target, still))
     np.testing.assert_allclose(one.program.w_free, other.program.w_free, atol=1e-8)
-
-
-def test_box_problems_are_solved_whatever_is_guessed():
-    rng, workspace = np.random.default_rng(6), BoxWorkspace()
-    for _ in range(200):
-        n = int(rng.integers(1, 30))
-        rows = rng.normal(size=(n, n + 3))
-        H = rows @ rows.T / n
-        scale = 1 / np.sqrt(H.diagonal())
-        H *= scale * scale[:, np.newaxis]
-        g, u = 3 * rng.normal(size=n), rng.choice([1.0, 1e20], n)
-        solution = workspace.solve(H, g, u, rng.random(n) < rng.random())
-        assert solution.status is QpStatus.SOLVED
-        qp = QuadraticProgram(H, g, np.eye(n), np.zeros(n), u)
-        assert solution.kkt_residual(qp) < 1e-6
-        again = BoxWorkspace(QpSettings()).solve(H, g, u, np.ones(n, dtype=bool))
-        np.testing.assert_allclose(solution.x, again.x, atol=1e-5)
-
-
-def test_a_box_problem_that_is_not_finite_is_refused_and_leaves_no_trace():
-    workspace, good = BoxWorkspace(), (np.eye(2), -np.ones(2), np.full(2, 1e20))
-    inside = np.ones(2, dtype=bool)
-    bad = workspace.solve(np.full((2, 2), np.nan), good[1], good[2], inside)
-    assert bad.status is QpStatus.NOT_FINITE
-    np.testing.assert_allclose(workspace.solve(*good, inside).x, 1.0)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import time
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from proxsuite import proxqp
 
 from arm3dof.errors import InputError
@@ -19,9 +17,6 @@ UNBOUNDED = 1e20
 """A bound of this size or more is no bound (ProxQP's convention)."""
 
 _INNER_ITERATIONS = 20
-_SAME = 1e-5  # relative difference up to which a solution is made exact
-_ROUNDS = 8  # in which a guess is made better
-_ABSURD = 1e8  # a larger guess comes from rows that are nearly dependent
 
 
 class QuadraticProgram(NamedTuple):
@@ -84,6 +79,11 @@ class QpSettings:
         if not self.max_iterations >= 1:
             raise InputError(f"max_iterations is {self.max_iterations}; give 1 or more")
 
+    @property
+    def most_steps(self) -> int:
+        """Cap on the inner iterations in all."""
+        return self.max_iterations * _INNER_ITERATIONS
+
 
 @dataclass(frozen=True, eq=False)
 class QpSolution:
@@ -93,14 +93,12 @@ class QpSolution:
         x: primal point, shape (n,).
         z: multipliers of the rows, shape (m,); positive where the upper bound pushes.
         status: how the solve ended.
-        iterations: outer iterations used.
         solve_time: wall time of update and solve [s].
     """
 
     x: Array
     z: Array
     status: QpStatus
-    iterations: int
     solve_time: float
 
     def kkt_residual(self, qp: QuadraticProgram) -> float:
@@ -151,7 +149,7 @@ class ProxqpWorkspace:
             )
         start = time.perf_counter()
         if not all(np.isfinite(part).all() for part in qp):
-            return _broken(self._n, self._m, start)
+            return broken(self._n, self._m, start)
         if self._qp is None:
             self._qp = _solver(self._n, self._m, self._settings)
             self._qp.init(qp.H, qp.g, None, None, qp.C, qp.l, qp.u)
@@ -160,114 +158,32 @@ class ProxqpWorkspace:
         else:
             self._qp.update(H=qp.H, g=qp.g, C=qp.C, l=qp.l, u=qp.u, update_preconditioner=True)
         self._qp.solve()
-        results = self._qp.results
-        x, z = np.array(results.x), np.array(results.z)
-        status, iterations = _STATUS[results.info.status], int(results.info.iter)
-        if not (np.isfinite(x).all() and np.isfinite(z).all()):
+        solution = _solution(self._qp.results, start)
+        if solution.status is not QpStatus.SOLVED:
             self.reset()
-            return _broken(self._n, self._m, start)
-        if status is not QpStatus.SOLVED:
-            self.reset()
-        return QpSolution(x, z, status, iterations, time.perf_counter() - start)
+        return solution
 
 
-class BoxWorkspace:
-    """ProxQP objects for problems min 1/2 x' H x + g' x, 0 <= x <= u, one for each size.
-
-    Each solve starts from a guess of which variables are inside their bounds, improved by the
-    primal-dual active set method (Hintermueller, Ito and Kunisch 2003). If it is right ProxQP has
-    only to confirm it. An object remembers nothing from one solve to the next.
-    """
-
-    def __init__(self, settings: QpSettings | None = None) -> None:
-        self._settings = settings or QpSettings()
-        self._solvers: dict[int, proxqp.dense.QP] = {}
-
-    def solve(self, H: Array, g: Array, u: Array, inside: NDArray[np.bool_]) -> QpSolution:
-        """Solve one problem.
-
-        Args:
-            H: Hessian with a diagonal of about 1, shape (n, n).
-            g: gradient at zero, shape (n,).
-            u: upper bounds, shape (n,).
-            inside: which variables are guessed to be inside their bounds, shape (n,).
-        """
-        start, n = time.perf_counter(), g.size
-        if not math.isfinite(float(H.sum()) + float(g.sum())):
-            return _broken(n, n, start)
-        solver = self._solvers.get(n)
-        if solver is None:
-            solver = self._solvers[n] = _solver(n, n, self._settings)
-            solver.settings.compute_preconditioner = False
-            solver.settings.initial_guess = proxqp.InitialGuess.WARM_START
-            solver.init(H, g, None, None, np.eye(n), np.zeros(n), u)
-        else:
-            solver.update(H=H, g=g, u=u)
-        x, z = _guess(H, g, u, inside)
-        solver.solve(x, None, z)
-        info = solver.results.info
-        status, iterations = _STATUS[info.status], int(info.iter)
-        if status is not QpStatus.SOLVED:
-            del self._solvers[n]
-        if iterations > 0:
-            x, z = solver.results.x, solver.results.z
-            if not (np.isfinite(x).all() and np.isfinite(z).all()):
-                return _broken(n, n, start)
-            exact, pull = _from_sets(H, g, u, z == 0.0, z > 0.0)
-            if np.abs(exact - x).max() <= _SAME * max(float(np.abs(x).max()), 1.0):
-                x, z = exact, pull  # the sets are known, and with them every digit
-        return QpSolution(x, z, status, iterations, time.perf_counter() - start)
-
-
-def _guess(H: Array, g: Array, u: Array, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Return x and the bounds' multipliers as they follow from a guess, made better in rounds.
-
-    If the rounds do not settle the first guess is moved into the bounds.
-    """
-    upper = np.zeros_like(inside)
-    first, z = _from_sets(H, g, u, inside, upper)
-    if inside.all() and first.min() >= 0.0 and (first <= u).all():
-        return first, z
-    x = first
-    for _ in range(_ROUNDS):
-        above, below = x > u, x < 0.0
-        new_upper = np.where(inside, above, upper & (z >= 0.0))
-        new_inside = np.where(inside, ~(above | below), np.where(upper, z < 0.0, z > 0.0))
-        if (new_inside == inside).all() and (new_upper == upper).all():
-            return x, z
-        inside, upper = new_inside, new_upper
-        x, z = _from_sets(H, g, u, inside, upper)
-    x = np.minimum(np.maximum(first, 0.0), u)
-    if not x.max() < _ABSURD:
-        x = np.zeros_like(g)
-    pull = H @ x + g
-    z = np.where(x <= 0.0, -np.maximum(pull, 0.0), np.where(x >= u, np.maximum(-pull, 0.0), 0.0))
-    return x, z
-
-
-def _from_sets(
-    H: Array, g: Array, u: Array, inside: NDArray[np.bool_], upper: NDArray[np.bool_]
-) -> tuple[Array, Array]:
-    """Return x and the bounds' multipliers if it is known which variables are at which bound.
+def solve_once(
+    H: Array, g: Array, u: Array, x: Array, z: Array, settings: QpSettings
+) -> QpSolution:
+    """Minimise 1/2 x' H x + g' x subject to 0 <= x <= u, by a ProxQP object of its own.
 
     Args:
-        H: Hessian, shape (n, n).
+        H: Hessian with a diagonal of about 1, shape (n, n).
         g: gradient at zero, shape (n,).
         u: upper bounds, shape (n,).
-        inside: which variables are inside, shape (n,).
-        upper: which are at their upper bounds, shape (n,); the others are at zero.
+        x: where to start, shape (n,).
+        z: multipliers to start with, shape (n,).
+        settings: accuracy and effort.
     """
-    try:
-        if inside.all():
-            return np.asarray(np.linalg.solve(H, -g)), np.zeros_like(g)
-        x = np.where(upper, u, 0.0)
-        k = inside.nonzero()[0]
-        x[k] = np.linalg.solve(H[k[:, np.newaxis], k], -g[k] - H[k] @ x)
-    except np.linalg.LinAlgError:  # such sets cannot be right
-        return np.zeros_like(g), np.zeros_like(g)
-    z = -(H @ x + g)
-    z[k] = 0.0
-    return x, z
+    start, n = time.perf_counter(), g.size
+    solver = _solver(n, n, settings)
+    solver.settings.compute_preconditioner = False
+    solver.settings.initial_guess = proxqp.InitialGuess.WARM_START
+    solver.init(H, g, None, None, np.eye(n), np.zeros(n), u)
+    solver.solve(x, None, z)
+    return _solution(solver.results, start)
 
 
 def _solver(n: int, m: int, settings: QpSettings) -> proxqp.dense.QP:
@@ -287,6 +203,20 @@ def _solver(n: int, m: int, settings: QpSettings) -> proxqp.dense.QP:
     return qp
 
 
-def _broken(n: int, m: int, start: float) -> QpSolution:
+def _solution(results: proxqp.dense.Results, start: float) -> QpSolution:
+    x, z = np.array(results.x), np.array(results.z)
+    if not (np.isfinite(x).all() and np.isfinite(z).all()):
+        return broken(x.size, z.size, start)
+    return QpSolution(x, z, _STATUS[results.info.status], time.perf_counter() - start)
+
+
+def broken(n: int, m: int, start: float) -> QpSolution:
+    """Return what became of a problem that holds NaN or infinity.
+
+    Args:
+        n: number of variables.
+        m: number of rows.
+        start: reading of ``time.perf_counter`` when its solve began [s].
+    """
     x, z = np.full(n, np.nan), np.full(m, np.nan)
-    return QpSolution(x, z, QpStatus.NOT_FINITE, 0, time.perf_counter() - start)
+    return QpSolution(x, z, QpStatus.NOT_FINITE, time.perf_counter() - start)

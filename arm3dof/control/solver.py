@@ -23,9 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm3dof.control.bounds import POSITION, TORQUE, VELOCITY, Bounds
+from arm3dof.control.box import solve_box
 from arm3dof.control.optimum import Optimum
 from arm3dof.control.program import Program
-from arm3dof.control.qp import UNBOUNDED, BoxWorkspace, QpSettings, QpStatus
+from arm3dof.control.qp import UNBOUNDED, QpSettings, QpStatus
 from arm3dof.control.working_set import WorkingSet, limited
 from arm3dof.state import Array
 
@@ -50,7 +51,7 @@ class ProgramSolver:
     """Solves the programs of one controller, trying first the limits that mattered last."""
 
     def __init__(self, settings: QpSettings) -> None:
-        self._workspace = BoxWorkspace(settings)
+        self._settings = settings
         self._likely = _NONE
         self.begin(None)
 
@@ -202,7 +203,8 @@ class ProgramSolver:
         gram *= scale
         gram *= scale[:, np.newaxis]
         most = np.minimum(price / scale, UNBOUNDED)
-        solution = self._workspace.solve(gram, (b - C @ program.w_free) * scale, most, inside)
+        gradient = (b - C @ program.w_free) * scale
+        solution = solve_box(gram, gradient, most, inside, self._settings)
         z = np.minimum(np.maximum(solution.x * scale, 0.0), price)
         return program.w_free - z @ through, z, solution.status
 
