@@ -21,7 +21,8 @@ _JUMP = 0.05  # [rad]: a position this far from where the velocities lead has ju
 _JUMP_NOISE = 6.0  # and so many standard deviations of its noise farther
 
 _STOP = 1e-3  # [rad]: a joint this near the end of its range may lean on its stop
-_GIVEN_UP = 0.7  # share of a disturbance that is left after a step on a stop
+_GIVEN_UP = 0.7  # share of a disturbance that is left after a step in which a stop's joint stayed
+_STAYED = 0.1  # torque that is missing for leaving, as a share of the disturbance to be given up
 
 _MOST_UNEXPLAINED = 3.0  # torque that may come from outside, in multiples of the joint's own
 
@@ -157,16 +158,18 @@ class Observer:
         """Whether a joint leans on its end stop; if so, forget what the stop does to it.
 
         A stop holds against whatever torque there is. Taken for a disturbance, it would be pushed
-        against ever harder. And a disturbance that was learned on the way there, and cannot be
-        unlearned where nothing moves, is given up while the joint should leave.
+        against ever harder. And a disturbance that was learned on the way there, and is unlearned
+        too slowly where nothing moves, is given up while the joint should leave and stays.
         """
         near = _STOP + max(self.filter.noise.tolist())
         joints = zip(q.tolist(), self._range, strict=True)
         if all(low + near < at < high - near for at, (low, high) in joints):
             return False
         end = np.where(q >= self._q_max - near, 1.0, 0.0) - (q <= self._q_min + near)
+        holds_there = end * self.disturbance  # below zero: cancelling it presses the joint on
+        stays = end * surprise < np.minimum(_STAYED * holds_there, 0.0)
+        given_up = (end * acceleration < 0) & (holds_there < 0) & stays
+        self.disturbance = np.where(given_up, _GIVEN_UP * self.disturbance, self.disturbance)
         held = end * surprise > 0
         surprise[held] = 0.0
-        leaving = (end * acceleration < 0) & (end * self.disturbance < 0)
-        self.disturbance = np.where(leaving, _GIVEN_UP * self.disturbance, self.disturbance)
         return bool(held.any())
