@@ -241,5 +241,5 @@ def test_the_tool_is_between_the_pads(tools):
         origin = [float(x) for x in joints[name].find("origin").get("xyz").split()]
         pads.append(corners(TREE.find(f".//visual[@name='{name}_pad']")) + np.array(origin))
     right, left = pads
-    assert_allclose(right[0][2] - left[1][2], 0.050)
+    assert_allclose(right[0][2] - left[1][2], 0.066)
     assert_allclose((left + right).mean(axis=0) / 2, [0.150, 0.0, 0.0], atol=1e-12)

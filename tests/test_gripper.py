@@ -7,7 +7,7 @@ from arm3dof.model.gripper import find_gripper, with_free_gripper, with_gripper_
 from arm3dof.model.library import load_robot
 
 
-@pytest.mark.parametrize(("name", "opening"), [("arm3dof", 0.05), ("panda", 0.08)])
+@pytest.mark.parametrize(("name", "opening"), [("arm3dof", 0.066), ("panda", 0.08)])
 def test_fingers_are_as_far_apart_as_the_opening_says(name, opening):
     robot = load_robot(name)
     gripper = find_gripper(robot)
@@ -27,12 +27,12 @@ def test_fingers_are_as_far_apart_as_the_opening_says(name, opening):
 def test_what_it_cannot_open_is_taken_as_the_nearest():
     gripper = find_gripper(load_robot("arm3dof"))
     assert gripper.position_of(1.0) == gripper.q_open == 0.0
-    assert gripper.position_of(-1.0) == gripper.q_closed == 0.025
+    assert gripper.position_of(-1.0) == gripper.q_closed == 0.033
 
 
 def test_one_finger_may_lag_behind():
     gripper = find_gripper(load_robot("arm3dof"))
-    assert gripper.opening_of(0.010, 0.012) == pytest.approx(0.028)
+    assert gripper.opening_of(0.010, 0.012) == pytest.approx(0.044)
 
 
 def test_freed_fingers_are_joints_and_a_payload_stays():

@@ -230,7 +230,7 @@ def test_coupled_fingers_are_held_unless_something_else_is_said(path):
 
 
 def test_the_reference_arms_gripper_can_be_held_anywhere_or_moved():
-    closed = load_robot(locked_joints={"gripper": 0.025})
+    closed = load_robot(locked_joints={"gripper": 0.033})
     pads = [closed.placement(np.zeros(3), f"{side}_finger") for side in ("right", "left")]
     for pad in pads:
         np.testing.assert_allclose(pad.translation, [0.255, 0.0, 0.0], atol=1e-12)

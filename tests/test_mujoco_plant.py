@@ -136,8 +136,8 @@ def test_reset_brings_everything_back(robot):
     first = plant.reset(at(above(robot, 0.1)))
     np.testing.assert_array_equal(first.q, above(robot, 0.1))
     np.testing.assert_allclose(plant.body_pose("can")[:3, 3], [*AHEAD, -0.08], atol=1e-12)
-    assert plant.gripper.opening == pytest.approx(0.05)
-    assert plant.gripper.command == pytest.approx(0.05)
+    assert plant.gripper.opening == pytest.approx(0.066)
+    assert plant.gripper.command == pytest.approx(0.066)
 
 
 def test_bad_inputs_are_refused(robot):
@@ -237,7 +237,7 @@ def test_the_gripper_closes_at_the_servos_speed_and_stays_together(robot):
         plant.step(robot.gravity(plant.state.q))
         openings.append(plant.gripper.opening)
     speed = -np.diff(openings) / plant.dt
-    assert speed.max() < 2 * 0.0525 * 1.1
+    assert speed.max() < 2 * 0.06 * 1.1
     assert openings[-1] == pytest.approx(0.0, abs=2e-4)
     assert not plant.gripper.moving
     driven, follower = (plant.data.joint(j).qpos[0] for j in ("gripper", "left_finger_joint"))

@@ -47,7 +47,7 @@ def test_every_grip_is_clear_and_around_the_thing():
 @pytest.mark.parametrize(
     ("it", "failure", "words"),
     [
-        (thing(width=0.055), Failure.TOO_WIDE, "55 mm wide, the fingers open 50 mm"),
+        (thing(width=0.07), Failure.TOO_WIDE, "70 mm wide, the fingers open 66 mm"),
         (thing(sigma=0.021), Failure.TOO_UNCERTAIN, "sigma 21 mm > "),
         (thing(x=0.30), Failure.OUT_OF_REACH, "farther away than the arm reaches"),
         (thing(x=-0.20), Failure.OUT_OF_REACH, "would not slant down"),

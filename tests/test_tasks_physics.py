@@ -15,6 +15,7 @@ from arm3dof.runtime.tasks.sight import SimulatedEye, look_at_table
 from arm3dof.runtime.tasks.simulated import Faults, SimulatedTask, task_camera, task_targets
 from arm3dof.runtime.tasks.sort_trial import SortTrial, random_table
 from arm3dof.sim.world import COLOURS, Body, World
+from arm3dof.vision.placing import Refusal
 
 ROBOT = load_robot("arm3dof")
 BLACK = np.zeros((480, 640, 3), np.uint8)
@@ -47,6 +48,23 @@ def test_the_eye_measures_what_stands_and_leaves_the_robot_out():
         assert it.distance_to(body.x, body.y) < 0.004
     for located, it in zip(seen.view.located, seen.things, strict=True):
         np.testing.assert_allclose(located.p_base[:2], [it.x, it.y])
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.01])
+def test_what_is_half_hidden_is_refused_and_kept_clear_of(aside):
+    hidden = Body("red_0", "cylinder", 0.03, 0.05, 0.03, COLOURS["red"], 0.17, 0.0)
+    before = Body("green_0", "cube", 0.04, 0.06, 0.03, COLOURS["green"], 0.22, aside)
+    rng = np.random.default_rng(0)
+    with SimulatedTask(ROBOT, World(bodies=(hidden, before)), task_targets(), rng) as scene:
+        seen = look_at_table(scene.picture(), scene.camera, task_targets(), -0.11)
+        result = scene.run(Grasping("red", (0.15, -0.1), 0.03, attempts=1))
+    things = {it.target: it for it in seen.things}
+    assert things["red"].hidden
+    assert not things["green"].hidden
+    assert things["green"].distance_to(before.x, before.y) < 0.001
+    assert [it.target for it in seen.view.located] == ["green"]
+    assert [(it.target, it.reason) for it in seen.view.refused] == [("red", Refusal.PARTIAL)]
+    assert result.failure.failure is Failure.PARTLY_HIDDEN
 
 
 def test_pictures_are_known_late_and_taken_only_when_wanted():

@@ -110,7 +110,7 @@ def test_a_flickering_thing_is_not_believed():
     [
         (thing(sigma=0.02), Failure.TOO_UNCERTAIN),
         (thing(x=0.30), Failure.OUT_OF_REACH),
-        (thing(width=0.06), Failure.TOO_WIDE),
+        (thing(width=0.07), Failure.TOO_WIDE),
     ],
 )
 def test_what_cannot_be_done_is_refused_before_the_arm_moves(it, failure):

@@ -13,8 +13,8 @@ from arm_shapes import Box, Cylinder, Material, Part, Vec, vec
 
 A2, A3 = 105.0, 150.0  # mm: shoulder to elbow, elbow to the point between the fingers
 TABLE = -110.0  # mm: height of the table in the shoulder's frame
-OPENING = 50.0  # mm between the finger pads of the open gripper
-PINION_RADIUS = 7.0  # mm: the gripper servo drives both fingers' racks by one pinion
+OPENING = 66.0  # mm between the finger pads of the open gripper: a 40 mm cube across its corners
+PINION_RADIUS = 8.0  # mm: the gripper servo drives both fingers' racks by one pinion
 SERVO_MASS = 0.060  # kg
 
 ALUMINIUM = Material("aluminium", (0.76, 0.78, 0.81), 2700.0)
@@ -179,7 +179,7 @@ def finger(name: str, side: float) -> list[Part]:
     Its frame lies in the middle of the pad's face, along link 3's axes.
     """
     return [
-        Part(f"{name}_rack", Box((6.0, 4.0, 54.0)), (88.0 - A3, side * 9.0, -side * 5.0), DARK),
+        Part(f"{name}_rack", Box((6.0, 4.0, 54.0)), (88.0 - A3, side * 10.0, -side * 13.0), DARK),
         Part(f"{name}_carriage", Box((12.0, 36.0, 14.0)), (97.0 - A3, 0, side * 7.0), BLUE),
         Part(f"{name}_root", Box((26.0, 24.0, 5.0)), (116.0 - A3, 0, side * 5.5), BLUE),
         Part(f"{name}_plate", Box((38.0, 15.0, 4.0)), (148.0 - A3, 0, side * 5.0), ALUMINIUM),

@@ -37,8 +37,8 @@ SPEED = 7.5  # rad/s: its no-load speed, 0.14 s for 60 deg
 DAMPING, FRICTION = 0.01, 0.0  # N m s/rad, N m
 TRAVEL = math.radians(270.0)  # the servo's range
 
-# The gripper's servo closes each finger by 25 mm in 205 deg. At stall its pinion could give 280 N,
-# 140 N to each finger; its current is limited so that a finger presses with at most 10 N.
+# The gripper's servo closes each finger by 33 mm in 236 deg. At stall its pinion could give 245 N,
+# 122 N to each finger; its current is limited so that a finger presses with at most 10 N.
 STROKE = OPENING / 2  # mm
 GRIP = 10.0  # N: what one finger presses with
 FINGER_SPEED = SPEED * PINION_RADIUS * 1e-3  # m/s

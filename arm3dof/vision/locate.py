@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import partial
 from types import MappingProxyType
@@ -24,11 +24,7 @@ from arm3dof.vision.colour import (
     find_colours,
 )
 from arm3dof.vision.outline import trace
-from arm3dof.vision.placing import Refusal, place
-
-# what light and shade do to an edge beyond the noise that shows in it [px]
-_EDGE_SIGMA_PX = 0.11
-_KNOWN_EDGE_SIGMA_PX = 0.065  # where the camera's gamma is known
+from arm3dof.vision.placing import Refusal, edge_sigma, place
 
 
 @dataclass(frozen=True)
@@ -139,6 +135,29 @@ def look(
     Raises:
         InputError: the picture is not one, or not of the camera's size.
     """
+    wanted = tuple(targets.values() if isinstance(targets, Mapping) else targets)
+    picture, found = patches(image, camera, wanted, settings)
+    results = [locate(picture, camera, blob, target, table) for blob, target in found]
+    return View(
+        tuple(result for result in results if isinstance(result, Located)),
+        tuple(result for result in results if isinstance(result, Refused)),
+    )
+
+
+def patches(
+    image: NDArray[np.generic],
+    camera: Camera,
+    targets: Sequence[ColourTarget],
+    settings: BlobSettings | None = None,
+) -> tuple[Image, list[tuple[Blob, ColourTarget]]]:
+    """Find the patches of the targets' colours in a picture of the camera's size.
+
+    Returns:
+        The picture, checked, and each patch with its target, the largest first.
+
+    Raises:
+        InputError: the picture is not one, or not of the camera's size.
+    """
     picture = check_image(image)
     height, width = picture.shape[:2]
     if (width, height) != (camera.width, camera.height):
@@ -146,15 +165,9 @@ def look(
             f"the picture is {width} x {height} px and the camera is calibrated for "
             f"{camera.width} x {camera.height}; take the picture at that size, or calibrate anew"
         )
-    wanted = tuple(targets.values() if isinstance(targets, Mapping) else targets)
-    blobs = find_colours(picture, [target.hsv for target in wanted], settings)
-    found = [(blob, it) for it, mine in zip(wanted, blobs, strict=True) for blob in mine]
-    found.sort(key=lambda pair: -pair[0].area_px)
-    results = [locate(picture, camera, blob, target, table) for blob, target in found]
-    return View(
-        tuple(result for result in results if isinstance(result, Located)),
-        tuple(result for result in results if isinstance(result, Refused)),
-    )
+    blobs = find_colours(picture, [target.hsv for target in targets], settings)
+    found = [(blob, it) for it, mine in zip(targets, blobs, strict=True) for blob in mine]
+    return picture, sorted(found, key=lambda pair: -pair[0].area_px)
 
 
 def see(
@@ -195,7 +208,7 @@ def locate(
         target.width_m,
         1 / camera.focal_px[0],
         camera.up,
-        _EDGE_SIGMA_PX if camera.gamma is None else _KNOWN_EDGE_SIGMA_PX,
+        edge_sigma(camera.gamma),
     )
     if isinstance(found, Refusal):
         return Refused(target.name, blob.box_px, found)

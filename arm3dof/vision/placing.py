@@ -27,6 +27,8 @@ LEAST_PX = 3.0
 # width, which is less than the pixels below where the thing is small, and more where it is large
 _STRAY_SMALL, _STRAY_PX, _STRAY_LARGE = 0.06, 1.2, 0.03
 _MOST_STRAY = 0.08
+_EDGE_SIGMA_PX = 0.11
+_KNOWN_EDGE_SIGMA_PX = 0.065
 # neighbouring points of an outline err alike: so many are worth one
 _ALIKE = 6.0
 _LEAST_NOISE_PX = 0.05
@@ -88,20 +90,40 @@ def place(
         (silhouette.fit(solid, start, points, pixel) for start in starts),
         key=lambda it: it.loss(),
     )
-    width = math.sqrt(float(np.prod(np.ptp(points, axis=0)))) / pixel
-    off = np.abs(best.off_px)
-    most = max(min(_STRAY_SMALL * width, _STRAY_PX), _STRAY_LARGE * width)
-    stray = np.mean(off > most)
-    sound = np.isfinite(best.state).all() and best.state[2] > 0 and stray <= _MOST_STRAY
-    if not sound or (
-        len(best.state) > 3 and shape in _TALL and best.state[3] < _LEAST_HEIGHT * width_m
+    sound = np.isfinite(best.state).all() and best.state[2] > 0
+    if (
+        not sound
+        or is_partial(best, points, pixel)
+        or (len(best.state) > 3 and shape in _TALL and best.state[3] < _LEAST_HEIGHT * width_m)
     ):
         return Refusal.PARTIAL
     slope, offset = _foot(shape, best, width_m, up)
     both = np.vstack([np.eye(3, len(best.state)), slope])
     foot = None if offset is None else float(slope @ best.state) + offset
-    noise, light = (both @ it @ both.T for it in _covariances(best, edge_px))
+    noise, light = (both @ it @ both.T for it in covariances(best, edge_px))
     return Placement(best.state[:3], foot, noise, light)
+
+
+def edge_sigma(gamma: float | None) -> float:
+    """Return what light and shade do to an edge beyond the noise that shows in it [px].
+
+    Args:
+        gamma: how the camera encodes light; None when that is not known.
+    """
+    return _EDGE_SIGMA_PX if gamma is None else _KNOWN_EDGE_SIGMA_PX
+
+
+def is_partial(found: Fit, points: Array, pixel: float) -> bool:
+    """Whether an outline is not that of the solid that was fitted to it.
+
+    Args:
+        found: the fit.
+        points: the outline, (x, y) at depth 1, shape (n, 2).
+        pixel: the size of a pixel in them.
+    """
+    width = math.sqrt(float(np.prod(np.ptp(points, axis=0)))) / pixel
+    most = max(min(_STRAY_SMALL * width, _STRAY_PX), _STRAY_LARGE * width)
+    return bool(np.mean(np.abs(found.off_px) > most) > _MOST_STRAY)
 
 
 def _place_flat(rays: Array, width_m: float, pixel: float, up: Array, edge_px: float) -> Placement:
@@ -166,11 +188,15 @@ def _from_above(rays: Array, up: Array) -> bool:
     return slant < 1.2 * spread
 
 
-def _covariances(found: Fit, edge_px: float) -> tuple[Array, Array]:
+def covariances(found: Fit, edge_px: float) -> tuple[Array, Array]:
     """Return the covariances of a fit by noise and by light, shape (m, m) each.
 
     Noise throws each part of the outline where it likes. Light and shade move all of it outwards,
     or one side out and the other in.
+
+    Args:
+        found: the fit.
+        edge_px: standard deviation of what light does to all of an edge [px].
     """
     gain = found.gain()
     noise = max(float(np.median(np.abs(found.off_px))) / 0.6745, _LEAST_NOISE_PX)

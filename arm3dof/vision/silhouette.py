@@ -29,7 +29,8 @@ _COUNT = 48  # corners of the polygon that stands in for a circle
 # of that size the polygon is on average as wide as the circle
 _GROWN = 1 / (1 - (math.pi / _COUNT) ** 2 / 3)
 _TURN = np.linspace(0, 2 * math.pi, _COUNT, endpoint=False)
-_CIRCLE = _GROWN * np.column_stack([np.cos(_TURN), np.sin(_TURN)])
+CIRCLE = _GROWN * np.column_stack([np.cos(_TURN), np.sin(_TURN)])
+"""Corners of the polygon that stands in for a circle of radius 1, shape (k, 2)."""
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
 _STEPS, _HALVINGS = 12, 4
 _SMALL = 1e-3  # a step that moves no part of the outline by more ends the search [px]
@@ -76,10 +77,10 @@ def fit(solid: Solid, state: Array, points: Array, pixel: float) -> Fit:
     for _ in range(_STEPS):
         # far from the goal every point may be far off, and none is stray yet
         doubt = max(_DOUBT_PX, 2 * float(np.median(np.abs(found.off_px))))
-        step = found.gain(doubt) @ found.off_px
+        step, loss = found.gain(doubt) @ found.off_px, found.loss(doubt)
         for _ in range(_HALVINGS):
             tried = compare(solid, found.state + step, points, pixel)
-            if tried.loss(doubt) < found.loss(doubt):
+            if tried.loss(doubt) < loss:
                 break
             step = step / 2
         else:
@@ -116,7 +117,7 @@ def ball(radius: float) -> Solid:
         distance = float(np.linalg.norm(state))
         axis = state / distance
         sine = min(radius / distance, 0.99)
-        rim = radius * math.sqrt(1 - sine * sine) * _CIRCLE @ _across(axis)
+        rim = radius * math.sqrt(1 - sine * sine) * CIRCLE @ _across(axis)
         return ((state - radius * sine * axis + rim, _tangents(_COUNT, 3)),)
 
     return at
@@ -124,7 +125,7 @@ def ball(radius: float) -> Solid:
 
 def disc(radius: float, up: Array) -> Solid:
     """Return a level disc, by its state: its centre, shape (3,)."""
-    rim = radius * _CIRCLE @ _across(up)
+    rim = radius * CIRCLE @ _across(up)
     tangents = _tangents(_COUNT, 3)
     return lambda state: ((state[:3] + rim, tangents),)
 
@@ -163,7 +164,7 @@ def _stack(up: Array, drums: list[tuple[float, float, float]]) -> Solid:
     across = _across(up)
     made = []
     for radius, low, high in drums:
-        rim = radius * _CIRCLE @ across
+        rim = radius * CIRCLE @ across
         share = np.repeat([low, high], _COUNT)
         tangents = _tangents(2 * _COUNT, 4)
         tangents[:, :, 3] = share[:, None] * up
@@ -194,20 +195,21 @@ def _part_off(part: Part, points: Array) -> tuple[Array, Array, Array]:
     depth = np.maximum(body[:, 2], 1e-6)
     image = body[:, :2] / depth[:, None]
     first = cv2.convexHull(image.astype(np.float32), clockwise=False, returnPoints=False).ravel()
-    last = np.roll(first, -1)
-    sides = image[last] - image[first]
+    last = np.append(first[1:], first[0])
+    begins, ends = image[first], image[last]
+    sides = ends - begins
     length = np.maximum(np.hypot(sides[:, 0], sides[:, 1]), 1e-12)
     sides = sides / length[:, None]
     normals = np.column_stack([sides[:, 1], -sides[:, 0]])
-    if _turns_back(image[first]):
+    if begins[:, 0] @ ends[:, 1] < begins[:, 1] @ ends[:, 0]:  # the hull runs from y to x
         normals = -normals
-    outside = points @ normals.T - (image[first] * normals).sum(axis=1)
+    outside = points @ normals.T - (begins * normals).sum(axis=1)
     nearest = outside.argmax(axis=1)
     off = outside[np.arange(len(points)), nearest]
     # how both ends of each side move outwards, and how far along its side each point is
     rate = np.einsum("ij,ijk->ik", normals, _image_slopes(image, depth, tangents, first))
     other = np.einsum("ij,ijk->ik", normals, _image_slopes(image, depth, tangents, last))
-    along = ((points - image[first][nearest]) * sides[nearest]).sum(axis=1) / length[nearest]
+    along = ((points - begins[nearest]) * sides[nearest]).sum(axis=1) / length[nearest]
     share = np.clip(along, 0, 1)[:, None]
     slope = -((1 - share) * rate[nearest] + share * other[nearest])
     return off, slope, normals[nearest]
@@ -218,12 +220,6 @@ def _image_slopes(image: Array, depth: Array, tangents: Array, which: Array) -> 
     moved = tangents[which]
     slopes = moved[:, :2] - image[which][:, :, None] * moved[:, 2:]
     return np.asarray(slopes / depth[which][:, None, None], dtype=np.float64)
-
-
-def _turns_back(corners: Array) -> bool:
-    """Whether a polygon runs from y to x."""
-    x, y = corners.T
-    return bool(x @ np.roll(y, -1) < y @ np.roll(x, -1))
 
 
 def _area(points: Array) -> tuple[float, Array]:

@@ -34,8 +34,6 @@ from arm3dof.vision.standing import Standing
 
 WIDTHS, HEIGHTS, MASSES = (0.020, 0.040), (0.030, 0.070), (0.010, 0.060)
 """Of the objects: width and height [m], mass [kg]."""
-WIDEST_BOX = 0.033
-"""A box whose corners pass between the fingers, however it is turned [m]."""
 LIGHTS = (0.3, 2.0)
 """Of the light; 1 exposes a picture well."""
 RADII, BEARINGS = (0.12, 0.235), (-1.0, 1.0)
@@ -170,7 +168,7 @@ def as_seen(body: Body) -> Standing:
 def _object(rng: np.random.Generator) -> tuple[Body, str]:
     target = str(rng.choice(list(COLOURS)))
     shape = SHAPES[int(rng.integers(len(SHAPES)))]
-    width = rng.uniform(WIDTHS[0], WIDEST_BOX if shape == "cube" else WIDTHS[1])
+    width = rng.uniform(*WIDTHS)
     height = width if shape == "cube" else rng.uniform(*HEIGHTS)
     radius = math.sqrt(rng.uniform(RADII[0] ** 2, RADII[1] ** 2))
     bearing = rng.uniform(*BEARINGS)

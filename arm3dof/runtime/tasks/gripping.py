@@ -4,7 +4,7 @@ The arm's last joint moves in the vertical plane through its base, so where the 
 the forearm slants: about 70 degrees down near the base, and nearly level at full stretch. The
 fingers close across that plane. A thing can be grasped where
 
-- it fits between the fingers, with room for what is not known about its place;
+- it is seen whole, and fits between the fingers, with room for what is not known about its place;
 - the tool reaches a point on its axis with the elbow up, so that the forearm slants down to it;
 - at some height on the thing the fingertips stay off the table, the palm stays off the thing's
   top, and the pads still hold enough of it;
@@ -115,6 +115,12 @@ class Gripping:
 
     def grip(self, thing: Standing, others: Sequence[Obstacle] = ()) -> Grip | Refusal:
         """Return how to grasp a thing among others, or why it cannot be grasped."""
+        if thing.hidden:
+            return Refusal(
+                Failure.PARTLY_HIDDEN,
+                f"what is seen of it near ({thing.x:.3f}, {thing.y:.3f}) m is not the outline of "
+                "an upright thing; take away what stands before it, or set it up",
+            )
         needed = thing.width_m + 2 * _SLACK
         if needed > self.widest:
             return Refusal(

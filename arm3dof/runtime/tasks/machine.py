@@ -103,6 +103,7 @@ class Failure(StrEnum):
     """Why something was not done; ``sentence`` says it in words."""
 
     NOT_SEEN = "not_seen"
+    PARTLY_HIDDEN = "partly_hidden"
     TOO_UNCERTAIN = "too_uncertain"
     OUT_OF_REACH = "out_of_reach"
     TOO_WIDE = "too_wide"
@@ -119,6 +120,7 @@ class Failure(StrEnum):
 
 _FAILURE_SENTENCES = {
     Failure.NOT_SEEN: "no thing of the wanted colour was seen on the table",
+    Failure.PARTLY_HIDDEN: "the thing is not seen whole",
     Failure.TOO_UNCERTAIN: "it is not known well enough where the thing stands",
     Failure.OUT_OF_REACH: "the hand cannot be brought around the thing",
     Failure.TOO_WIDE: "the thing does not fit between the fingers",

@@ -10,9 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm3dof.runtime.tasks.signals import Sight
+from arm3dof.state import Array
 from arm3dof.vision.camera import Camera
-from arm3dof.vision.colour import ColourTarget
-from arm3dof.vision.locate import Located, View, look
+from arm3dof.vision.colour import Blob, ColourTarget
+from arm3dof.vision.locate import Located, Refused, View, patches
+from arm3dof.vision.outline import trace
+from arm3dof.vision.placing import Refusal
 from arm3dof.vision.standing import SHAPE_SIGMA_M, Standing, stand
 
 Image = NDArray[np.uint8]
@@ -28,8 +31,9 @@ class TableView:
 
     Attributes:
         image: the picture.
-        things: what stands there.
-        view: the same as located objects, each at the middle of its thing.
+        things: what stands there; also, as ``hidden`` ones, what is seen in part.
+        view: the whole ones as located objects, each at the middle of its thing, in the same order;
+            and the others with the reason why they are not measured.
     """
 
     image: Image
@@ -50,29 +54,45 @@ def look_at_table(
         camera: the camera that took it.
         targets: what to look for.
         table_height: of the table in the base frame [m].
+
+    Raises:
+        InputError: the picture is not one, or not of the camera's size.
     """
-    outlines = [replace(target, shape="flat") for target in targets]
-    pairs = [
-        (thing, _as_located(it, thing, camera, table_height))
-        for it in look(image, camera, outlines).located
-        if (thing := stand(it.target, it.outline_px, camera, table_height)) is not None
-        and _is_a_thing(thing)
-    ]
-    view = View(tuple(located for _, located in pairs), ())
-    return TableView(image, tuple(thing for thing, _ in pairs), view)
+    picture, found = patches(image, camera, tuple(targets))
+    things: list[Standing] = []
+    located: list[Located] = []
+    refused: list[Refused] = []
+    for blob, target in found:
+        outline = trace(picture, blob, camera.gamma)
+        thing = None if outline is None else stand(target.name, outline, camera, table_height)
+        if outline is None or thing is None or not _is_a_thing(thing):
+            continue
+        if blob.touches_border:
+            thing = replace(thing, hidden=True)
+        things.append(thing)
+        if thing.hidden:
+            reason = Refusal.BORDER if blob.touches_border else Refusal.PARTIAL
+            refused.append(Refused(target.name, blob.box_px, reason))
+        else:
+            located.append(_as_located(blob, outline, thing, camera, table_height))
+    return TableView(image, tuple(things), View(tuple(located), tuple(refused)))
 
 
-def _as_located(seen: Located, thing: Standing, camera: Camera, table_height: float) -> Located:
+def _as_located(
+    blob: Blob, outline: Array, thing: Standing, camera: Camera, table_height: float
+) -> Located:
     p_base = np.array([thing.x, thing.y, table_height + thing.height_m / 2])
     p_camera = camera.to_camera(p_base)
     covariance = np.zeros((3, 3))
     covariance[:2, :2] = thing.covariance
     covariance[2, 2] = SHAPE_SIGMA_M**2
     ahead = camera.transform_base_camera[:3, 2]
+    left, top = outline.min(axis=0).tolist()
+    right, bottom = outline.max(axis=0).tolist()
     return Located(
-        target=seen.target,
-        box_px=seen.box_px,
-        outline_px=seen.outline_px,
+        target=thing.target,
+        box_px=blob.box_px,
+        outline_px=(left, top, right, bottom),
         depth_m=float(p_camera[2]),
         depth_sigma_m=float(np.sqrt(ahead @ covariance @ ahead)),
         p_camera=p_camera,
