@@ -157,3 +157,13 @@ def test_trajectories_are_smooth_and_inside_their_pace():
     np.testing.assert_allclose(v[[0, -1]], 0, atol=1e-9)
     hand = np.array([PLANNER.tool(it) for it in path.sample(times).q])
     assert (np.linalg.norm(np.diff(hand, axis=0), axis=1) / np.diff(times)).max() < 0.5
+
+
+def test_the_direct_way_is_checked_too():
+    q, end = PLANNER.solve([0.13, -0.15, 0.0]), PLANNER.solve([0.13, 0.15, 0.0])
+    (leg,) = PLANNER.direct(q, end, 0.05, ())
+    np.testing.assert_allclose(leg.q[[0, -1]], [q, end])
+    assert np.abs(np.diff(leg.q, axis=0)).max() < 0.05
+    refusal = PLANNER.direct(q, end, 0.05, [Obstacle("a wall", 0.19, 0.0, 0.03, 0.4)])
+    assert refusal.failure is Failure.BLOCKED
+    assert "a wall" in refusal.detail

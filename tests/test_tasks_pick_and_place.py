@@ -9,7 +9,7 @@ from arm3dof.control.reference import JointTrajectory
 from arm3dof.model.library import load_robot
 from arm3dof.runtime.tasks.goals import Grasping, Sorting, Tray
 from arm3dof.runtime.tasks.gripping import Gripping
-from arm3dof.runtime.tasks.machine import Event, Failure, Phase
+from arm3dof.runtime.tasks.machine import Event, Failure, Phase, Refusal
 from arm3dof.runtime.tasks.pick_and_place import PickAndPlace
 from arm3dof.runtime.tasks.signals import Sight
 from arm3dof.state import JointState
@@ -125,6 +125,57 @@ def test_a_thing_with_no_room_beside_it_is_blocked():
         Grasping("red", PLACE), lambda: [thing(), thing(y=0.078, x=0.17, target="blue")]
     ).run()
     assert (task.phase, task.failure.failure) == (Phase.FAILED, Failure.BLOCKED)
+
+
+def column():
+    """A thing so high that nothing is carried over it."""
+    return Standing("blue", 0.19, -0.03, 0.03, 0.4, 1e-6 * np.eye(2))
+
+
+def test_a_thing_that_cannot_be_carried_past_the_others_is_not_picked_up():
+    puppet = Puppet(Grasping("red", PLACE, attempts=1), lambda: [thing(), column()])
+    task = puppet.run()
+    assert (task.phase, task.failure.failure) == (Phase.FAILED, Failure.BLOCKED)
+    assert "blue at" in task.failure.detail
+    assert Phase.APPROACH not in puppet.phases()
+    assert puppet.jumps == 0.0
+
+
+def test_what_was_lifted_goes_back_where_the_way_to_its_place_is_not_clear_any_more(monkeypatch):
+    travel, asked = GRIPPING.planner.travel, []
+
+    def blocked_once_it_is_lifted(start, end, opening, obstacles, held=None):
+        asked.append(held is not None)
+        if asked.count(True) == 2 and held is not None:
+            return Refusal(Failure.BLOCKED, "a cat")
+        return travel(start, end, opening, obstacles, held)
+
+    monkeypatch.setattr(GRIPPING.planner, "travel", blocked_once_it_is_lifted)
+    goal = Grasping("red", PLACE, 0.03, attempts=1)
+    puppet = Puppet(goal, lambda: [thing()])
+    task = puppet.run()
+    assert (task.phase, task.failure.detail) == (Phase.FAILED, "a cat")
+    assert puppet.phases()[-5:-1] == [Phase.LOWER, Phase.RELEASE, Phase.RETREAT, Phase.RETURN]
+    assert not goal.finished
+    np.testing.assert_allclose(puppet.q, HOME, atol=1e-6)
+
+
+def test_an_arm_that_finds_no_clear_way_home_stays_and_says_so(monkeypatch):
+    def no_way(*arguments):
+        return Refusal(Failure.BLOCKED, "a cat")
+
+    planner, puppet = GRIPPING.planner, Puppet(Grasping("red", PLACE), lambda: [thing()])
+    done = puppet.task._goal.did
+
+    def did(job):
+        done(job)
+        monkeypatch.setattr(planner, "travel", no_way)
+        monkeypatch.setattr(planner, "direct", no_way)
+
+    puppet.task._goal.did = did
+    task = puppet.run()
+    assert (task.phase, task.failure.failure) == (Phase.FAILED, Failure.BLOCKED)
+    assert task.steps[-1].source is Phase.RETREAT
 
 
 @pytest.mark.parametrize("where", [Phase.APPROACH, Phase.REACH, Phase.CARRY])

@@ -68,6 +68,7 @@ class Event(StrEnum):
     STOPPED = "stopped"
     HELD = "held"
     EMPTY = "empty"
+    NO_WAY = "no_way"
     LOST = "lost"
     OPENED = "opened"
     MORE = "more"
@@ -91,6 +92,7 @@ _EVENT_SENTENCES = {
     Event.STOPPED: "the arm did not get where it was to go",
     Event.HELD: "the fingers have stopped at the thing's width",
     Event.EMPTY: "the fingers have met with nothing between them",
+    Event.NO_WAY: "there is no clear way from here",
     Event.LOST: "the fingers have closed further: the thing is gone",
     Event.OPENED: "the fingers are open",
     Event.MORE: "there is more to be done",
@@ -164,14 +166,20 @@ TRANSITIONS: Mapping[Phase, Mapping[Event, Phase]] = MappingProxyType(
         },
         Phase.APPROACH: {Event.ARRIVED: Phase.REACH, Event.STOPPED: Phase.RECOVER},
         Phase.REACH: {Event.ARRIVED: Phase.CLOSE, Event.STOPPED: Phase.RECOVER},
-        Phase.CLOSE: {Event.HELD: Phase.LIFT, Event.EMPTY: Phase.RECOVER},
+        Phase.CLOSE: {
+            Event.HELD: Phase.LIFT,
+            Event.EMPTY: Phase.RECOVER,
+            Event.NO_WAY: Phase.RECOVER,
+        },
         Phase.LIFT: {
             Event.ARRIVED: Phase.CARRY,
+            Event.NO_WAY: Phase.LOWER,
             Event.LOST: Phase.RECOVER,
             Event.STOPPED: Phase.RECOVER,
         },
         Phase.CARRY: {
             Event.ARRIVED: Phase.LOWER,
+            Event.NO_WAY: Phase.RECOVER,
             Event.LOST: Phase.RECOVER,
             Event.STOPPED: Phase.RECOVER,
         },

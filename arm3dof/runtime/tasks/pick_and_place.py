@@ -14,7 +14,7 @@ from arm3dof.runtime.tasks.follower import Follower
 from arm3dof.runtime.tasks.goals import Goal, Job
 from arm3dof.runtime.tasks.gripping import ROOM, Gripping
 from arm3dof.runtime.tasks.machine import TRANSITIONS, Event, Failure, Phase, Refusal, Step
-from arm3dof.runtime.tasks.route import BRISK, CAREFUL, LIFTED, Leg, Pace
+from arm3dof.runtime.tasks.route import BRISK, CAREFUL, Leg, Pace, lifted
 from arm3dof.runtime.tasks.signals import Command, Gripper, Sight
 from arm3dof.state import Array, JointState
 from arm3dof.vision.standing import Standing
@@ -65,6 +65,7 @@ class PickAndPlace:
         self._stopped_at: tuple[float, float] = (0.0, 0.0)
         self._held = 0.0
         self._worth = True
+        self._returned = False  # whether the thing goes back to where it stood
         self._do: Mapping[Phase, Callable[[float, JointState, Gripper], None]] = {
             Phase.LOOK: self._look,
             Phase.DECIDE: self._decide,
@@ -121,7 +122,7 @@ class PickAndPlace:
             self.failure = found
             self._go(t, Event.REFUSED, found.sentence)
             return
-        self._job = found
+        self._job, self._returned = found, False
         refusal = self._set_out(t, state, found)
         if refusal is None:
             thing = found.grip.thing
@@ -142,9 +143,28 @@ class PickAndPlace:
         legs = self._planner.travel(self._planner.tool(state.q), start, job.grip.opening, around)
         if isinstance(legs, Refusal):
             return legs
+        carried = self._ways(job)
+        if isinstance(carried, Refusal):
+            return carried
         self._opening = job.grip.opening
         self._way.follow(legs, state)
         return None
+
+    def _ways(self, job: Job) -> list[Leg] | Refusal:
+        """Return the ways with what is held: up, over, and down onto its place; or why not."""
+        planner, point, place = self._planner, job.grip.point, job.placing.point
+        top = lifted(point)
+        above = _above(place, top)
+        held = job.grip.held(planner)
+        width = job.grip.thing.width_m
+        over = planner.travel(top, above, width, job.obstacles, held)
+        if isinstance(over, Refusal):
+            return over
+        ends = [planner.line(point, top, BRISK), planner.line(above, place, CAREFUL)]
+        for line in ends:
+            if isinstance(line, str):
+                return Refusal(Failure.OUT_OF_REACH, line)
+        return over
 
     # ---- moving ----------------------------------------------------------------------------
 
@@ -167,41 +187,67 @@ class PickAndPlace:
             case Phase.REACH:
                 self._opening, self._stopped_at = 0.0, (t, gripper.opening)
             case Phase.LIFT:
-                self._carry(t, state)
+                if (refusal := self._carry(state)) is not None:
+                    self._put_back(t, state, refusal)
+                    return
             case Phase.CARRY:
                 here = planner.tool(state.q)
-                self._go_to(t, state, here, job.placing.point)
+                if (refusal := self._go_to(state, here, job.placing.point)) is not None:
+                    self._recover(state, refusal)
+                    self._go(t, Event.NO_WAY, refusal.sentence)
+                    return
             case Phase.LOWER:
                 self._let_go()
             case Phase.RETREAT | Phase.RECOVER:
-                self._home_from(t, state)
+                if not self._home_from(t, state):
+                    return
         self._go(t, Event.ARRIVED)
 
-    def _carry(self, t: float, state: JointState) -> None:
-        """Go above the place; clear of the others with what is held, if there is such a way."""
+    def _carry(self, state: JointState) -> Refusal | None:
+        """Go above the place, clear of the others with what is held; or say why that cannot be."""
         job, planner = self._current, self._planner
-        here, place = planner.tool(state.q), job.placing.point
-        above = np.array([place[0], place[1], max(place[2], here[2])])
-        held = job.grip.held(planner)
+        here = planner.tool(state.q)
+        above, held = _above(job.placing.point, here), job.grip.held(planner)
         legs = planner.travel(here, above, self._held, job.obstacles, held)
         if isinstance(legs, Refusal):
-            line = planner.line(here, above, BRISK)
-            legs = [] if isinstance(line, str) else [line]
+            return legs
         self._way.follow(legs, state)
+        return None
+
+    def _put_back(self, t: float, state: JointState, refusal: Refusal) -> None:
+        """Take what was lifted down to where it stood: there is no way to its place."""
+        down = self._go_to(state, self._planner.tool(state.q), self._current.grip.point)
+        if down is not None:
+            self._fail(t, down)
+            return
+        self.failure, self._returned = refusal, True
+        self._worth = self._goal.failed(self._current, refusal.failure)
+        self._go(t, Event.NO_WAY, refusal.sentence)
 
     def _go_to(
-        self, t: float, state: JointState, here: Array, point: Array, pace: Pace = CAREFUL
-    ) -> None:
+        self, state: JointState, here: Array, point: Array, pace: Pace = CAREFUL
+    ) -> Refusal | None:
+        """Go straight to a point, or stay and say why that cannot be."""
         line = self._planner.line(here, point, pace)
-        self._way.follow([] if isinstance(line, str) else [line], state)
+        if isinstance(line, str):
+            self._way.follow([], state)
+            return Refusal(Failure.BLOCKED, line)
+        self._way.follow([line], state)
+        return None
 
-    def _home_from(self, t: float, state: JointState) -> None:
-        home = self._planner.tool(self._home)
-        legs = self._planner.travel(self._planner.tool(state.q), home, self._open, ())
+    def _home_from(self, t: float, state: JointState) -> bool:
+        """Go home by a way that is clear; give up, and say so, where there is none."""
+        planner, around = self._planner, () if self._job is None else self._job.obstacles
+        home = planner.tool(self._home)
+        legs = planner.travel(planner.tool(state.q), home, self._open, around)
         if isinstance(legs, Refusal):
-            legs = [Leg(np.array([state.q, self._home]), CAREFUL)]
+            legs = planner.direct(state.q, self._home, self._open, around)
+        if isinstance(legs, Refusal):
+            self._fail(t, legs)
+            return False
         self._opening = self._open
         self._way.follow(legs, state)
+        return True
 
     def _stop(self, t: float, state: JointState) -> None:
         goal, planner = self._way.end, self._planner
@@ -211,11 +257,11 @@ class PickAndPlace:
             f"while it {self.phase.sentence}, {miss:.0f} mm from where it was to be",
         )
         if TRANSITIONS[self.phase][Event.STOPPED] is Phase.RECOVER:
-            self._recover(t, state, refusal)
+            self._recover(state, refusal)
         elif self.phase is Phase.LOWER:
             self._let_go()
-        else:
-            self._home_from(t, state)
+        elif not self._home_from(t, state):
+            return
         self._go(t, Event.STOPPED, refusal.detail)
 
     def _lose(self, t: float, state: JointState, gripper: Gripper) -> None:
@@ -224,15 +270,15 @@ class PickAndPlace:
             f"while it {self.phase.sentence} the fingers closed from {1000 * self._held:.0f} to "
             f"{1000 * gripper.opening:.0f} mm"
         )
-        self._recover(t, state, Refusal(kind, detail))
+        self._recover(state, Refusal(kind, detail))
         self._go(t, Event.LOST, detail)
 
-    def _recover(self, t: float, state: JointState, refusal: Refusal) -> None:
+    def _recover(self, state: JointState, refusal: Refusal) -> None:
         self.failure, self._payload = refusal, 0.0
         self._worth = self._goal.failed(self._current, refusal.failure)
         self._opening = self._open
         here = self._planner.tool(state.q)
-        self._go_to(t, state, here, here - _ESCAPE * self._planner.forearm(state.q))
+        self._go_to(state, here, here - _ESCAPE * self._planner.forearm(state.q))
 
     # ---- the gripper -----------------------------------------------------------------------
 
@@ -245,20 +291,26 @@ class PickAndPlace:
                 f"they met at {1000 * gripper.opening:.0f} mm, the thing is "
                 f"{1000 * width:.0f} mm wide"
             )
-            self._recover(t, state, Refusal(Failure.SLIPPED, detail))
+            self._recover(state, Refusal(Failure.SLIPPED, detail))
             self._go(t, Event.EMPTY, detail)
             return
         self._held, self._payload = gripper.opening, job.payload
         here = self._planner.tool(state.q)
-        self._go_to(t, state, here, np.array([here[0], here[1], max(here[2], LIFTED)]), BRISK)
+        if (refusal := self._go_to(state, here, lifted(here), BRISK)) is not None:
+            self._recover(state, refusal)
+            self._go(t, Event.NO_WAY, refusal.sentence)
+            return
         self._go(t, Event.HELD, f"{1000 * gripper.opening:.0f} mm")
 
     def _release(self, t: float, state: JointState, gripper: Gripper) -> None:
         enough = gripper.opening >= self._opening - _OPEN
         if enough or t - self._began > _LONGEST_GRIP:
-            self._goal.did(self._current)
-            self.failure = None
             back = self._current.placing.retreat
+            if self._returned:
+                back = Leg(self._current.grip.reach.q[::-1], CAREFUL)
+            else:
+                self._goal.did(self._current)
+                self.failure = None
             self._way.follow([back], state)
             self._go(t, Event.OPENED, f"{1000 * gripper.opening:.0f} mm")
 
@@ -280,7 +332,7 @@ class PickAndPlace:
     def _return(self, t: float, state: JointState, gripper: Gripper) -> None:
         progress = self._way.progress(state)
         if progress is Event.STOPPED:
-            self._home_from(t, state)  # from where it is now
+            self._home_from(t, state)  # from where it is now, or not at all
         if progress is not Event.ARRIVED:
             return
         if self.failure is not None and not self._worth:
@@ -309,6 +361,11 @@ class PickAndPlace:
         self.phase, self._began = target, t
         if target is Phase.LOOK:
             self._sights.clear()
+
+
+def _above(place: Array, here: Array) -> Array:
+    """Return the point above a place, as high as the tool is, shape (3,) [m]."""
+    return np.array([place[0], place[1], max(place[2], here[2])])
 
 
 _CARRYING = (Phase.LIFT, Phase.CARRY, Phase.LOWER)

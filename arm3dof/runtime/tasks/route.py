@@ -28,6 +28,7 @@ LIFTED = 0.035
 """Height of the tool above the base's origin at which the hand travels [m]."""
 
 _CELL = 0.008  # [m] between two points of a way
+_TURN = 0.04  # of a joint between two points of a way [rad]
 _KNOT = 0.04  # [s] between two knots of a trajectory
 _SHORTEST = 0.25  # time of a leg [s]
 _PEAK = 1.875  # of a minimum-jerk speed over its mean
@@ -150,14 +151,28 @@ class Planner:
                 worst = Refusal(Failure.OUT_OF_REACH, legs)
                 continue
             path = np.concatenate([leg.q for leg in legs])
-            gap = self.clearance.gap(path, opening, obstacles, held)
-            if gap.distance >= min(MARGIN, self._now(path[0], opening, obstacles, held)):
+            blocked = self._blocked(path, opening, obstacles, held)
+            if blocked is None:
                 return legs
-            worst = Refusal(
-                Failure.BLOCKED,
-                f"the way would come within {1000 * gap.distance:.0f} mm of {gap.name}",
-            )
+            worst = blocked
         return worst
+
+    def direct(
+        self, q: ArrayLike, end: ArrayLike, opening: float, obstacles: Sequence[Obstacle]
+    ) -> list[Leg] | Refusal:
+        """Return the leg on which every joint turns evenly to where it is to be, if it is clear.
+
+        Args:
+            q: where the arm is, shape (nv,) [rad].
+            end: where it goes, shape (nv,) [rad].
+            opening: of the gripper [m].
+            obstacles: what stands around.
+        """
+        q, end = np.asarray(q, float), np.asarray(end, float)
+        count = int(np.ceil(np.abs(end - q).max() / _TURN)) + 1
+        path = np.linspace(q, end, max(count, 2))
+        blocked = self._blocked(path, opening, obstacles, None)
+        return [Leg(path, CAREFUL)] if blocked is None else blocked
 
     def follow(self, legs: Sequence[Leg], q: Array, t: float) -> JointTrajectory:
         """Return a trajectory along legs.
@@ -179,11 +194,18 @@ class Planner:
             knots += list(np.column_stack([np.interp(eased, along, column) for column in path.T]))
         return JointTrajectory(times, np.array(knots))
 
-    def _now(
-        self, q: Array, opening: float, obstacles: Sequence[Obstacle], held: Array | None
-    ) -> float:
-        """Return the gap at the start, which no way can better."""
-        return self.clearance.gap(q, opening, obstacles, held).distance
+    def _blocked(
+        self, path: Array, opening: float, obstacles: Sequence[Obstacle], held: Array | None
+    ) -> Refusal | None:
+        """Return what a path comes too near to; the gap at its start is one that it may keep."""
+        gap = self.clearance.gap(path, opening, obstacles, held)
+        now = self.clearance.gap(path[0], opening, obstacles, held)
+        if gap.distance >= min(MARGIN, now.distance):
+            return None
+        return Refusal(
+            Failure.BLOCKED,
+            f"the way would come within {1000 * gap.distance:.0f} mm of {gap.name}",
+        )
 
     def _legs(self, points: Sequence[Array]) -> list[Leg] | str:
         legs: list[Leg] = []
@@ -214,6 +236,11 @@ def _arc(path: Array) -> Array:
 def _cylindrical(point: ArrayLike) -> Array:
     x, y, z = np.asarray(point, dtype=np.float64)
     return np.array([np.arctan2(y, x), np.hypot(x, y), z])
+
+
+def lifted(point: Array) -> Array:
+    """Return a point at the height at which the hand travels, or higher, shape (3,) [m]."""
+    return _raised(point, LIFTED)
 
 
 def _raised(point: Array, height: float) -> Array:
