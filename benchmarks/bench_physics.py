@@ -12,7 +12,8 @@ from arm3dof.model.kinematics import inverse_kinematics
 from arm3dof.model.library import load_robot
 from arm3dof.model.robot import Robot
 from arm3dof.sim.mujoco_plant import MujocoPlant
-from arm3dof.sim.world import COLOURS, Body, World, scatter
+from arm3dof.sim.scatter import scatter
+from arm3dof.sim.world import COLOURS, Body, World
 from arm3dof.sim.world_camera import WorldCamera
 from arm3dof.state import Array, JointState
 from benchmarks.tables import Table

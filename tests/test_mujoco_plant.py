@@ -11,8 +11,9 @@ from arm3dof.runtime.loop import run_loop
 from arm3dof.sim.disturbance import DisturbedPlant, PayloadChange, Push, Wrench
 from arm3dof.sim.mujoco_plant import MujocoPlant
 from arm3dof.sim.pinocchio_plant import PinocchioPlant
+from arm3dof.sim.scatter import scatter
 from arm3dof.sim.servo import Servo
-from arm3dof.sim.world import COLOURS, SHAPES, Bin, Body, World, scatter
+from arm3dof.sim.world import COLOURS, SHAPES, Bin, Body, World
 from arm3dof.state import JointState
 
 AHEAD = np.array([0.19, 0.05])

@@ -34,7 +34,7 @@ def test_the_catalogue_is_possible_and_names_its_sources():
         assert 0.1 < servo.stall_torque < 10
         assert 1 < servo.no_load_speed < 20
         assert 0.01 < servo.mass < 0.2
-        assert math.radians(0.05) < servo.resolution < math.radians(0.5)
+        assert math.radians(0.05) < servo.resolution < math.radians(0.7)
         assert math.radians(120) <= servo.travel <= 2 * math.pi
         assert servo.maker in servo.source
         assert "://" not in servo.source

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from arm3dof.errors import InputError
+from arm3dof.sim.scatter import Region, scatter
 from arm3dof.sim.table import Table
-from arm3dof.sim.world import COLOURS, MUTED, SHAPES, Bin, Body, Region, World, scatter
+from arm3dof.sim.world import COLOURS, MUTED, SHAPES, Bin, Body, World
 
 RED = COLOURS["red"]
 CAN = Body("can", "cylinder", 0.03, 0.05, 0.04, RED, 0.18, 0.02)

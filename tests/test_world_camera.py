@@ -155,6 +155,22 @@ def test_taking_a_picture_changes_nothing_in_the_world(coins):
     assert first.dtype == np.uint8
 
 
+def test_cameras_that_are_dropped_leave_the_others_their_pictures(coins):
+    wanted = picture_of(coins)
+    for _ in range(4):
+        first = WorldCamera(coins, MATRIX, POSE, WIDTH, HEIGHT)
+        second = WorldCamera(coins, MATRIX, POSE, WIDTH, HEIGHT)
+        for camera in (first, second, first):
+            np.testing.assert_array_equal(camera.take(), wanted)
+    kept = [first]
+    del first, camera
+    with ThreadPoolExecutor() as other:  # the collector may run in any thread
+        other.submit(kept.clear).result()
+    np.testing.assert_array_equal(second.take(), wanted)
+    second.close()
+    second.close()
+
+
 def test_a_camera_belongs_to_its_thread(coins):
     with WorldCamera(coins, MATRIX, POSE, WIDTH, HEIGHT) as camera, ThreadPoolExecutor() as other:
         with pytest.raises(InputError, match="made in another thread; make one in the thread"):

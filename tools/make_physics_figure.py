@@ -10,7 +10,8 @@ import numpy as np
 
 import arm3dof
 from arm3dof.sim.mujoco_plant import MujocoPlant
-from arm3dof.sim.world import COLOURS, Bin, World, scatter
+from arm3dof.sim.scatter import scatter
+from arm3dof.sim.world import COLOURS, Bin, World
 from arm3dof.sim.world_camera import WorldCamera
 from arm3dof.vision.camera import intrinsics, look_at
 

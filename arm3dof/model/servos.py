@@ -100,8 +100,8 @@ _SHEETS = (
         0.060,
         _pulse_width(3.0, math.radians(270)),
         math.radians(270),
-        "DSServo, DS3218 20 kg digital servo, product sheet (6.8 V, 270 degree version); "
-        "some prints say 21.5 kgf cm, the lower figure is kept",
+        "DSServo DS3218, 270 degree version (6.8 V): nominal, from sellers' listings; some say "
+        "21.5 kgf cm, the lower figure is kept",
     ),
     ServoData(
         "MG996R",
@@ -110,9 +110,10 @@ _SHEETS = (
         11.0 * KGF_CM,
         _seconds_for_60_deg(0.14),
         0.055,
-        _pulse_width(5.0, math.radians(180)),
-        math.radians(180),
-        "Tower Pro, MG996R high torque metal gear dual ball bearing servo, data sheet (6 V)",
+        _pulse_width(5.0, math.radians(120), 1000.0),
+        math.radians(120),
+        "Tower Pro, MG996R high torque metal gear dual ball bearing servo, data sheet (6 V) as "
+        "quoted by resellers; it turns farther with pulses outside 1 to 2 ms",
     ),
     ServoData(
         "STS3215-7.4V",
@@ -145,7 +146,7 @@ _SHEETS = (
         0.018,
         _TURN / 4096,
         _TURN,
-        "ROBOTIS e-Manual, DYNAMIXEL XL330-M288-T (5 V)",
+        "ROBOTIS e-Manual, DYNAMIXEL XL330-M288-T, specifications (5 V)",
     ),
     ServoData(
         "XL430",
@@ -156,18 +157,18 @@ _SHEETS = (
         0.0572,
         _TURN / 4096,
         _TURN,
-        "ROBOTIS e-Manual, DYNAMIXEL XL430-W250-T (12 V)",
+        "ROBOTIS e-Manual, DYNAMIXEL XL430-W250-T, specifications (12 V); TurtleBot3 manual",
     ),
     ServoData(
         "LX-16A",
         "Hiwonder",
         7.4,
         17.0 * KGF_CM,
-        _seconds_for_60_deg(0.20),
+        _seconds_for_60_deg(0.16),
         0.052,
         math.radians(0.24),
         math.radians(240),
-        "Hiwonder (LewanSoul), LX-16A serial bus servo, user manual (7.4 V)",
+        "Hiwonder (LewanSoul) LX-16A (7.4 V): nominal, from sellers' listings",
     ),
 )
 

@@ -7,6 +7,7 @@ import ctypes
 import os
 import sys
 import threading
+import weakref
 from functools import lru_cache
 from importlib import import_module
 from typing import Any
@@ -51,11 +52,13 @@ class Renderer:
             samples: places at which a pixel is drawn; 0 for its middle alone.
         """
         self._model, self._thread = model, threading.get_ident()
+        _free_dropped()
         self._context = backend()[1](width, height)
         self._context.make_current()
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         model.vis.quality.shadowsize, model.vis.quality.offsamples = shadows, samples
         self._gl = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        self._drop = weakref.finalize(self, _put_aside, self._thread, self._context, self._gl)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._gl)
         self._scene = mujoco.MjvScene(model, maxgeom=_MOST_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows > 0
@@ -84,6 +87,7 @@ class Renderer:
             raise InputError(
                 "the camera was made in another thread; make one in the thread that takes pictures"
             )
+        _free_dropped()
         self._context.make_current()
         mujoco.mjv_updateScene(
             self._model,
@@ -112,11 +116,28 @@ class Renderer:
         camera.orthographic = 0
 
     def close(self) -> None:
-        """Give the context back."""
-        self._context.make_current()
-        self._gl.free()
+        """Give the context back, in another thread when its own draws next; twice does nothing."""
+        self._drop()
+        _free_dropped()
+
+
+# What a context holds is freed in whichever context is current, by numbers that the other one uses
+# for its own pictures. So renderers that were dropped, at a time and in a thread of the garbage
+# collector's choice, wait here, by thread, until their thread makes their contexts current.
+_DROPPED: dict[int, list[tuple[Any, Any]]] = {}
+
+
+def _put_aside(thread: int, context: Any, gl: Any) -> None:
+    _DROPPED.setdefault(thread, []).append((context, gl))
+
+
+def _free_dropped() -> None:
+    """Free what this thread's dropped renderers held."""
+    for context, gl in _DROPPED.pop(threading.get_ident(), ()):
+        context.make_current()
+        gl.free()
         with contextlib.suppress(ctypes.ArgumentError):  # what OSMesa's own clean-up trips over
-            self._context.free()
+            context.free()
 
 
 _VARIABLES = ("MUJOCO_GL", "PYOPENGL_PLATFORM")  # MuJoCo and PyOpenGL read them when imported

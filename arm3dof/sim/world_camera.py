@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from arm3dof.closing import Closing
 from arm3dof.errors import InputError
 from arm3dof.sim.engine import mujoco
 from arm3dof.sim.lens import Lens
@@ -23,7 +23,7 @@ _SHADOW_MAPS = (1024, 2048, 4096)  # widths of the map that shadows are made wit
 _SAMPLES = 4  # places at which a pixel is drawn to smooth its edges
 
 
-class WorldCamera:
+class WorldCamera(Closing):
     """A camera that stands in a plant's world and draws it off the screen, on the CPU.
 
     Attributes:
@@ -91,17 +91,6 @@ class WorldCamera:
             shadows=_shadow_map(max(size)) if shadows else 0,
             samples=_SAMPLES if smooth else 0,
         )
-
-    def __enter__(self) -> WorldCamera:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Give back what it draws with."""

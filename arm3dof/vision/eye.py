@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from time import monotonic
-from types import TracebackType
-from typing import Self
 
+from arm3dof.closing import Closing
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import ColourTarget, Image
 from arm3dof.vision.latest import Latest, stamped
@@ -34,7 +33,7 @@ class Glance:
         return (monotonic() if now is None else now) - self.taken_at
 
 
-class Eye:
+class Eye(Closing):
     """Looks at the newest picture of a source, again and again, in threads of its own.
 
     One thread draws pictures, so that none waits in a queue and grows old; another looks at the
@@ -96,17 +95,6 @@ class Eye:
         """Close the eye; a camera that does not answer is left to itself."""
         self._frames.close()
         self._glances.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _looking(self) -> Iterator[Glance]:
         for frame, taken_at in self._frames.fresh():

@@ -5,9 +5,9 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable, Iterator
 from time import monotonic
-from types import TracebackType
-from typing import Generic, Self, TypeVar
+from typing import Generic, TypeVar
 
+from arm3dof.closing import Closing
 from arm3dof.errors import ArmError
 
 Item = TypeVar("Item")
@@ -15,7 +15,7 @@ Item = TypeVar("Item")
 _PATIENCE = 2.0  # how long closing waits for a source that does not answer [s]
 
 
-class Latest(Generic[Item]):
+class Latest(Generic[Item], Closing):
     """Draws items from a source in a thread and keeps the newest; older ones are dropped.
 
     Whoever asks never waits for the source. Use it in a ``with`` block, or ``close`` it.
@@ -95,17 +95,6 @@ class Latest(Generic[Item]):
             self._news.notify_all()
         if threading.current_thread() is not self._thread:
             self._thread.join(_PATIENCE)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _draw(self) -> None:
         items = iter(self._source)

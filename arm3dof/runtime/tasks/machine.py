@@ -6,30 +6,43 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
+from typing import Self
 
 
-class Phase(StrEnum):
+class Worded(StrEnum):
+    """A word with a sentence: members are made of both.
+
+    Attributes:
+        sentence: what it means, in plain words.
+    """
+
+    sentence: str
+
+    def __new__(cls, word: str, sentence: str = "") -> Self:
+        """Make a member of a word and its sentence."""
+        member = str.__new__(cls, word)
+        member._value_ = word
+        member.sentence = sentence
+        return member
+
+
+class Phase(Worded):
     """What the arm is doing; ``sentence`` says it in words."""
 
-    LOOK = "look"
-    DECIDE = "decide"
-    APPROACH = "approach"
-    REACH = "reach"
-    CLOSE = "close"
-    LIFT = "lift"
-    CARRY = "carry"
-    LOWER = "lower"
-    RELEASE = "release"
-    RETREAT = "retreat"
-    RECOVER = "recover"
-    RETURN = "return"
-    DONE = "done"
-    FAILED = "failed"
-
-    @property
-    def sentence(self) -> str:
-        """The phase in plain words."""
-        return _PHASE_SENTENCES[self]
+    LOOK = "look", "waits for pictures in which things stand still"
+    DECIDE = "decide", "chooses a thing, a grip and a way to it"
+    APPROACH = "approach", "goes to the pregrasp, clear of table and things"
+    REACH = "reach", "goes along the forearm until the thing is between the fingers"
+    CLOSE = "close", "closes the fingers until something stops them"
+    LIFT = "lift", "lifts the thing straight up"
+    CARRY = "carry", "carries it above its place"
+    LOWER = "lower", "lowers it until it all but stands"
+    RELEASE = "release", "opens the fingers"
+    RETREAT = "retreat", "draws the hand back along the forearm"
+    RECOVER = "recover", "opens the fingers and rises out of the way"
+    RETURN = "return", "goes home, out of the camera's view"
+    DONE = "done", "is done"
+    FAILED = "failed", "has given up"
 
     @property
     def is_final(self) -> bool:
@@ -37,100 +50,39 @@ class Phase(StrEnum):
         return self in (Phase.DONE, Phase.FAILED)
 
 
-_PHASE_SENTENCES = {
-    Phase.LOOK: "waits for pictures in which things stand still",
-    Phase.DECIDE: "chooses a thing, a grip and a way to it",
-    Phase.APPROACH: "goes to the pregrasp, clear of table and things",
-    Phase.REACH: "goes along the forearm until the thing is between the fingers",
-    Phase.CLOSE: "closes the fingers until something stops them",
-    Phase.LIFT: "lifts the thing straight up",
-    Phase.CARRY: "carries it above its place",
-    Phase.LOWER: "lowers it until it all but stands",
-    Phase.RELEASE: "opens the fingers",
-    Phase.RETREAT: "draws the hand back along the forearm",
-    Phase.RECOVER: "opens the fingers and rises out of the way",
-    Phase.RETURN: "goes home, out of the camera's view",
-    Phase.DONE: "is done",
-    Phase.FAILED: "has given up",
-}
-
-
-class Event(StrEnum):
+class Event(Worded):
     """What happened; ``sentence`` says it in words."""
 
-    SEEN = "seen"
-    NOTHING_SEEN = "nothing_seen"
-    CHOSEN = "chosen"
-    NOTHING_LEFT = "nothing_left"
-    REFUSED = "refused"
-    LOOK_AGAIN = "look_again"
-    ARRIVED = "arrived"
-    STOPPED = "stopped"
-    HELD = "held"
-    EMPTY = "empty"
-    NO_WAY = "no_way"
-    LOST = "lost"
-    OPENED = "opened"
-    MORE = "more"
-    GIVEN_UP = "given_up"
-    FINISHED = "finished"
-
-    @property
-    def sentence(self) -> str:
-        """The event in plain words."""
-        return _EVENT_SENTENCES[self]
+    SEEN = "seen", "the latest pictures agree"
+    NOTHING_SEEN = "nothing_seen", "no picture showed what is wanted"
+    CHOSEN = "chosen", "there is a grip, and a way to it that is clear"
+    NOTHING_LEFT = "nothing_left", "nothing is left to be done"
+    REFUSED = "refused", "what is wanted cannot be done"
+    LOOK_AGAIN = "look_again", "another look may help"
+    ARRIVED = "arrived", "the arm is where it was to go"
+    STOPPED = "stopped", "the arm did not get where it was to go"
+    HELD = "held", "the fingers have stopped at the thing's width"
+    EMPTY = "empty", "the fingers have met with nothing between them"
+    NO_WAY = "no_way", "there is no clear way from here"
+    LOST = "lost", "the fingers have closed further: the thing is gone"
+    OPENED = "opened", "the fingers are open"
+    MORE = "more", "there is more to be done"
+    GIVEN_UP = "given_up", "every attempt has been made"
+    FINISHED = "finished", "all is done"
 
 
-_EVENT_SENTENCES = {
-    Event.SEEN: "the latest pictures agree",
-    Event.NOTHING_SEEN: "no picture showed what is wanted",
-    Event.CHOSEN: "there is a grip, and a way to it that is clear",
-    Event.NOTHING_LEFT: "nothing is left to be done",
-    Event.REFUSED: "what is wanted cannot be done",
-    Event.LOOK_AGAIN: "another look may help",
-    Event.ARRIVED: "the arm is where it was to go",
-    Event.STOPPED: "the arm did not get where it was to go",
-    Event.HELD: "the fingers have stopped at the thing's width",
-    Event.EMPTY: "the fingers have met with nothing between them",
-    Event.NO_WAY: "there is no clear way from here",
-    Event.LOST: "the fingers have closed further: the thing is gone",
-    Event.OPENED: "the fingers are open",
-    Event.MORE: "there is more to be done",
-    Event.GIVEN_UP: "every attempt has been made",
-    Event.FINISHED: "all is done",
-}
-
-
-class Failure(StrEnum):
+class Failure(Worded):
     """Why something was not done; ``sentence`` says it in words."""
 
-    NOT_SEEN = "not_seen"
-    PARTLY_HIDDEN = "partly_hidden"
-    TOO_UNCERTAIN = "too_uncertain"
-    OUT_OF_REACH = "out_of_reach"
-    TOO_WIDE = "too_wide"
-    BLOCKED = "blocked"
-    SLIPPED = "slipped"
-    DROPPED = "dropped"
-    TIMED_OUT = "timed_out"
-
-    @property
-    def sentence(self) -> str:
-        """The failure in plain words."""
-        return _FAILURE_SENTENCES[self]
-
-
-_FAILURE_SENTENCES = {
-    Failure.NOT_SEEN: "no thing of the wanted colour was seen on the table",
-    Failure.PARTLY_HIDDEN: "the thing is not seen whole",
-    Failure.TOO_UNCERTAIN: "it is not known well enough where the thing stands",
-    Failure.OUT_OF_REACH: "the hand cannot be brought around the thing",
-    Failure.TOO_WIDE: "the thing does not fit between the fingers",
-    Failure.BLOCKED: "something is in the way",
-    Failure.SLIPPED: "the fingers closed, but held nothing",
-    Failure.DROPPED: "the thing was lost on its way",
-    Failure.TIMED_OUT: "it took longer than it may",
-}
+    NOT_SEEN = "not_seen", "no thing of the wanted colour was seen on the table"
+    PARTLY_HIDDEN = "partly_hidden", "the thing is not seen whole"
+    TOO_UNCERTAIN = "too_uncertain", "it is not known well enough where the thing stands"
+    OUT_OF_REACH = "out_of_reach", "the hand cannot be brought around the thing"
+    TOO_WIDE = "too_wide", "the thing does not fit between the fingers"
+    BLOCKED = "blocked", "something is in the way"
+    SLIPPED = "slipped", "the fingers closed, but held nothing"
+    DROPPED = "dropped", "the thing was lost on its way"
+    TIMED_OUT = "timed_out", "it took longer than it may"
 
 
 @dataclass(frozen=True)

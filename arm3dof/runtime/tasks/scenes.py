@@ -10,7 +10,8 @@ from arm3dof.errors import InputError
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.tasks.grasp_trial import GraspTask, as_seen, draw_place, gripping_of
 from arm3dof.runtime.tasks.gripping import Grip
-from arm3dof.sim.world import COLOURS, Region, World, scatter
+from arm3dof.sim.scatter import Region, scatter
+from arm3dof.sim.world import COLOURS, World
 
 _REGION = Region(radius=(0.15, 0.215), bearing=(-0.75, 0.75))
 _WIDTHS, _HEIGHTS = (0.024, 0.034), (0.035, 0.055)  # [m]

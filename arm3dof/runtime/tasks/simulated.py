@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arm3dof.closing import Closing
 from arm3dof.control.step import ControlStep
 from arm3dof.model.robot import Robot
 from arm3dof.model.uncertainty import perturbed
@@ -129,7 +128,7 @@ Judge = Callable[[TaskResult, Mapping[str, Verdict]], Judgement]
 """Judges a task by what it says of itself and by what became of the bodies."""
 
 
-class SimulatedTask:
+class SimulatedTask(Closing):
     """A world with an arm in it, ready for tasks; use it in a ``with`` block, or ``close`` it.
 
     Attributes:
@@ -228,17 +227,6 @@ class SimulatedTask:
     def close(self) -> None:
         """Give back what the camera draws with."""
         self._world_camera.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _pose(self, name: str) -> Array:
         return self.plant.body_pose(name)

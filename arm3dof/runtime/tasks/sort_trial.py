@@ -22,7 +22,8 @@ from arm3dof.runtime.tasks.simulated import (
     Verdict,
     task_targets,
 )
-from arm3dof.sim.world import COLOURS, Bin, Region, World, scatter
+from arm3dof.sim.scatter import Region, scatter
+from arm3dof.sim.world import COLOURS, Bin, World
 from arm3dof.state import JointState
 
 COUNT = 9
