@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from arm3dof.cli.studio import camera_store, eye_spec
+from arm3dof.cli.studio import eye_spec, file_store
 from arm3dof.model.library import load_robot
 from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.frames import Frames
+from arm3dof.runtime.live.tuned import Tuned
 from arm3dof.ui.server import LocalServer
 from arm3dof.ui.studio.site import build_site
 from arm3dof.ui.studio.start import home
@@ -47,7 +48,7 @@ def run(*, quick: bool) -> list[Table]:
     begin = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
         eye = eye_spec("world", None)
-        studio = Studio("arm3dof", robot, home(robot), eye, Path(folder), camera_store())
+        studio = Studio(Tuned(), robot, home(robot), eye, Path(folder), file_store())
         try:
             with LocalServer(build_site(studio)) as server:
                 pages = []

@@ -57,12 +57,20 @@ def poses(page: Page, paths: list[str]) -> list[list[float] | None]:
     return page.evaluate(f"(paths) => {{ {POSE_JS} return paths.map(pose); }}", paths)
 
 
-def wait_until(page: Page, condition: str) -> None:
+def wait_until(page: Page, condition: str, patience: float = 60.0) -> None:
     """Wait until an expression is true in the page, whose policy forbids Playwright's own way."""
-    page.evaluate(
-        f"() => new Promise((done) => {{"
-        f"const look = () => ({condition}) ? done() : requestAnimationFrame(look); look(); }})"
+    met = page.evaluate(
+        f"""() => new Promise((done) => {{
+          const end = performance.now() + {1000 * patience};
+          const look = () => {{
+            if ({condition}) done(true);
+            else if (performance.now() > end) done(false);
+            else requestAnimationFrame(look);
+          }};
+          look();
+        }})"""
     )
+    assert met, f"never in {patience:g} s: {condition}"
 
 
 class Visit:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import chromium, poses, wait_until
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, TimeoutError, expect
 from studio import Program, studio
 
 from arm3dof.config.camera_file import load_camera
@@ -23,6 +23,7 @@ EXACT = 1e-9
 PATIENCE = 60_000  # ms: a busy machine draws slowly
 SCREENSHOTS = Path(__file__).parent.parent / "out" / "screenshots"
 LAST = "studio.live.last"
+PANELS = ("See", "Aim", "Move", "Tune", "Insight", "Files")
 
 
 @pytest.fixture(scope="module")
@@ -104,9 +105,11 @@ def aim_at(page: Page, x: float, y: float, z: float) -> None:
     page.get_by_role("button", name="Aim there").click()
 
 
-def focus_slider(page: Page, name: str) -> None:
-    """Bring the keyboard to a slider, whose name and handle are two elements."""
+def slide(page: Page, name: str, steps: int) -> None:
+    """Move a slider by the keyboard, ten steps at a time; its name and handle are two elements."""
     page.get_by_role("slider", name=name).locator("[tabindex]").focus()
+    for _ in range(abs(steps) // 10):
+        page.keyboard.press("PageUp" if steps > 0 else "PageDown")
 
 
 def rest(page: Page) -> None:
@@ -115,9 +118,21 @@ def rest(page: Page) -> None:
     page.wait_for_function(f"{LAST}.mode === 0")
 
 
-def run(page: Page) -> None:
-    page.get_by_role("button", name="Run").click()
-    page.wait_for_function(f"{LAST}.mode === 1")
+def run(page: Page, then: str = "") -> None:
+    """Press Run, and another button right after it; return when that run has begun."""
+    before = page.evaluate(f"{LAST}.run")
+    page.evaluate(
+        """(names) => names.forEach((name) => [...document.querySelectorAll(".transport button")]
+          .find((it) => it.innerText.includes(name)).click())""",
+        ["Run", then] if then else ["Run"],
+    )
+    page.wait_for_function(f"{LAST}.run > {before} && {LAST}.mode === 1")
+
+
+def arrive(page: Page) -> None:
+    """Run to the target, and wait for the arm to come to rest there."""
+    run(page)
+    page.wait_for_function(f"{LAST}.arrived && {LAST}.mode === 1")
 
 
 def canvas_click(page: Page, pixel: list[int]) -> None:
@@ -171,12 +186,9 @@ def test_the_light_dims_the_picture(page: Page) -> None:
       const d = c.getContext("2d").getImageData(0, 0, 60, 60).data;
       return d.reduce((sum, x, k) => k % 4 < 3 ? sum + x : sum, 0) / d.length; }"""
     bright = page.evaluate(mean)
-    focus_slider(page, "Light")
-    for _ in range(10):
-        page.keyboard.press("ArrowLeft")
+    slide(page, "Light", -10)
     page.wait_for_function(f"({mean})() < {0.85 * bright}")
-    for _ in range(10):
-        page.keyboard.press("ArrowRight")
+    slide(page, "Light", 10)
     page.wait_for_function(f"({mean})() > {0.95 * bright}")
 
 
@@ -204,8 +216,7 @@ def test_the_arm_arrives_and_the_page_shows_every_link_where_pinocchio_says(
 ) -> None:
     aim_at(page, 16, -4, 4)
     expect(page.locator(".answer")).to_contain_text("The target is reached")
-    run(page)
-    page.wait_for_function(f"{LAST}.arrived && {LAST}.mode === 1")
+    arrive(page)
     expect(page.locator("#status")).to_contain_text("Arrived")
     np.testing.assert_allclose(page.evaluate(f"{LAST}.tool"), [0.16, -0.04, 0.04], atol=2e-3)
     rest(page)
@@ -229,14 +240,12 @@ def test_the_arm_arrives_and_the_page_shows_every_link_where_pinocchio_says(
 
 def test_escape_stops_the_arm_in_the_middle_of_a_run(page: Page) -> None:
     panel(page, "Tune")
-    focus_slider(page, "Input R")
-    for _ in range(30):  # a dearer input makes the arm slow
-        page.keyboard.press("ArrowRight")
+    slide(page, "Input R", 40)  # a dearer input makes the arm slow
     page.get_by_text("input_weight = ").wait_for()
     aim_at(page, 14, 12, 6)
     page.get_by_role("button", name="Run").focus()
     page.keyboard.press("Enter")
-    page.wait_for_function(f"{LAST}.v.some((row) => row.some((v) => Math.abs(v) > 0.3))")
+    page.wait_for_function(f"{LAST}.v.some((row) => row.some((v) => Math.abs(v) > 0.1))")
     page.keyboard.press("Escape")
     page.wait_for_function(f"{LAST}.mode === 0")
     off = page.evaluate(f"Math.max(...{LAST}.e.at(-1).map(Math.abs))")
@@ -246,6 +255,30 @@ def test_escape_stops_the_arm_in_the_middle_of_a_run(page: Page) -> None:
     panel(page, "Tune")
     page.get_by_role("button", name="Defaults").click()
     page.get_by_text("Nothing: all is as it comes.").wait_for()
+
+
+def test_the_plan_is_drawn_ahead_of_the_arm(page: Page, robot: Robot) -> None:
+    aim_at(page, 14, -12, 6)
+    expect(page.locator(".answer")).to_contain_text("The target is reached")
+    run(page, then="Step")  # and time stands still, a control step later
+    page.wait_for_function(f"{LAST}.paused && {LAST}.plan_t.length > 10")
+    for chart in ("e", "v"):
+        page.wait_for_function(
+            """(name) => studio.charts.get(name).getOption().series
+              .filter((it) => it.id.endsWith("plan")).every((it) => it.data.length > 10)""",
+            arg=chart,
+        )
+    frame = page.frame(url="**/3d/**")
+    wait_until(frame, "viewer.scene_tree.children.plan.children[1].object.visible")
+    assert not frame.evaluate("viewer.scene_tree.children.ghost.object.visible")
+    last = page.evaluate(LAST)
+    expected = np.array(last["q_target"]) - last["plan_e"][-1]
+    shown = np.reshape(poses(frame, ["/plan/1/link3"])[0], (4, 4)).T
+    np.testing.assert_allclose(shown, robot.placement(expected, "link3").homogeneous, atol=2e-3)
+    snap(page, "plan")
+    page.get_by_role("button", name="Pause").click()
+    page.wait_for_function(f"{LAST}.arrived && {LAST}.mode === 1")
+    wait_until(frame, "!viewer.scene_tree.children.plan.children[1].object.visible")
 
 
 def test_time_pauses_and_goes_on_step_by_step(page: Page) -> None:
@@ -268,21 +301,30 @@ def test_a_newcomer_grasps_with_one_click(page: Page) -> None:
     page.get_by_role("button", name="Restart").click()
 
 
+def test_sorting_begins_and_can_be_stopped(page: Page) -> None:
+    panel(page, "Move")
+    page.get_by_role("button", name="Sort").click()
+    page.wait_for_function(f"{LAST}.mode === 3")
+    expect(page.locator("#status")).to_contain_text("By itself")
+    page.wait_for_function(f"{LAST}.v.some((row) => row.some((v) => Math.abs(v) > 0.05))")
+    page.keyboard.press("Escape")
+    page.wait_for_function(f"{LAST}.mode === 0")
+    page.get_by_role("button", name="Restart").click()
+
+
 # ---- tune and understand -----------------------------------------------------------------------
 
 
 def test_a_heavier_link_takes_more_torque(page: Page) -> None:
     aim_at(page, 20, 0, 2)
-    run(page)
-    page.wait_for_function(f"{LAST}.arrived")
+    expect(page.locator(".answer")).to_contain_text("The target is reached")
+    arrive(page)
     torque = f"Math.max(...{LAST}.tau.at(-1).map(Math.abs))"
     light = page.evaluate(torque)
     panel(page, "Tune")
     page.locator(".q-select", has_text="Part").click()
     page.get_by_role("option", name="link3 (link)").click()
-    focus_slider(page, "Mass")
-    for _ in range(30):
-        page.keyboard.press("ArrowRight")
+    slide(page, "Mass", 30)
     page.get_by_text("link3.mass = ").wait_for()
     page.wait_for_function(f"{torque} > {light + 0.02}")
     snap(page, "tune")
@@ -309,8 +351,7 @@ def test_a_push_and_a_payload_show_in_the_charts(page: Page) -> None:
 
 def test_what_is_kept_is_written_into_the_folder(page: Page, program: Program) -> None:
     aim_at(page, 15, 5, 5)
-    run(page)
-    page.wait_for_function(f"{LAST}.arrived")
+    arrive(page)
     panel(page, "Files")
     for name, file in (("Recording", "run-1.npz"), ("TOML", "studio.toml"), ("URDF", "arm.urdf")):
         page.get_by_role("button", name=name).click()
@@ -321,42 +362,92 @@ def test_what_is_kept_is_written_into_the_folder(page: Page, program: Program) -
     snap(page, "files")
 
 
+def test_a_report_opens_from_its_file_and_is_scrubbed(
+    browser: Browser, page: Page, program: Program
+) -> None:
+    aim_at(page, 15, -5, 5)
+    arrive(page)
+    panel(page, "Files")
+    page.get_by_role("button", name="Report").click()
+    page.get_by_role("listitem").filter(has_text="report-1.html").wait_for()
+    file = program.out / "report-1.html"
+    report = browser.new_page(viewport={"width": 1280, "height": 900})
+    try:
+        report.goto(file.as_uri(), wait_until="domcontentloaded")
+        wait_until(report, "player.frames > 1")
+        report.evaluate("player.setPlaying(false)")
+        shown = []
+        for share in (0.0, 0.5):
+            value = report.evaluate(f"Math.round({share} * player.frames)")
+            report.locator("#time").fill(str(value))
+            wait_until(report, f"player.frame === {value}")
+            shown.append(poses(report, ["/robot/link3"])[0])
+        assert np.abs(np.subtract(*shown)).max() > 0.01  # the arm has moved with the slider
+        snap(report, "report")
+    finally:
+        report.close()
+
+
 # ---- many tabs ---------------------------------------------------------------------------------
 
 
 def test_one_tab_holds_the_controls_and_a_lost_one_leaves_the_arm_safe(
-    browser: Browser, program: Program
+    browser: Browser, program: Program, page: Page
 ) -> None:
-    with visit(browser, program.url) as second:
-        with visit(browser, program.url) as first:
-            take_the_controls(first)
-            second.get_by_role("button", name="Run").click()
-            second.get_by_text("Another tab holds the controls").wait_for()
-            aim_at(first, 14, -10, 4)
-            run(first)
-            second.wait_for_function(f"{LAST}.mode === 1")  # it sees the same
-        second.wait_for_function(f"{LAST}.mode === 0")  # and that the arm has been stopped
-        second.wait_for_function(f"{LAST}.holder === null")
-        take_the_controls(second)
+    with visit(browser, program.url) as other:
+        take_the_controls(other)
+        page.wait_for_function(f"{LAST}.holder !== studioFacts.tab")
+        page.locator(".transport").get_by_role("button", name="Run").click()
+        page.get_by_text("Another tab holds the controls").wait_for()
+        aim_at(other, 14, -10, 4)
+        run(other)
+        page.wait_for_function(f"{LAST}.mode === 1")  # it sees the same
+    page.wait_for_function(f"{LAST}.mode === 0")  # and that the arm has been stopped
+    page.wait_for_function(f"{LAST}.holder === null")
+    take_the_controls(page)
+
+
+def test_a_page_comes_back_by_itself_after_a_restart_of_the_server(
+    browser: Browser, tmp_path: Path
+) -> None:
+    page = browser.new_page(viewport={"width": 1280, "height": 720})
+    page.set_default_timeout(PATIENCE)
+    try:
+        with studio(tmp_path) as first:
+            page.goto(first.url, wait_until="domcontentloaded")
+            page.wait_for_function(f"window.studio && {LAST}?.holder === studioFacts.tab")
+            before = page.evaluate("studioFacts.tab")
+        page.get_by_text("Connection lost").first.wait_for()
+        with studio(tmp_path, "--port", str(first.port)):
+            page.wait_for_function(
+                f"window.studio && {LAST}?.holder === studioFacts.tab"
+                f" && studioFacts.tab !== '{before}' && studio.live.pictures > 0"
+            )
+            run(page)
+    finally:
+        page.close()
 
 
 # ---- how it looks ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
-def test_it_fits_the_window(
-    browser: Browser, program: Program, width: int, height: int, scheme: str
-) -> None:
-    with visit(browser, program.url, width=width, height=height, scheme=scheme) as page:
+def test_it_fits_the_window(browser: Browser, program: Program, width: int, height: int) -> None:
+    with visit(browser, program.url, width=width, height=height, scheme="dark") as page:
         page.wait_for_function("document.getElementById('seen').children.length > 0")
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        if width > 900:
-            assert page.evaluate("document.documentElement.scrollHeight") <= height
-        for name in ("See", "Aim", "Move", "Tune", "Insight", "Files"):
+        for scheme in ("dark", "light"):
+            page.emulate_media(color_scheme=scheme)
+            page.wait_for_function(
+                "(dark) => document.body.classList.contains('body--dark') === dark",
+                arg=scheme == "dark",
+            )
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            if width > 900:
+                assert page.evaluate("document.documentElement.scrollHeight") <= height
+            snap(page, f"{width}-{scheme}")
+        for name in PANELS:
             panel(page, name)
             assert page.evaluate("document.documentElement.scrollWidth") <= width, name
-        snap(page, f"{width}-{scheme}")
 
 
 NAMELESS = """() => [...document.querySelectorAll(
@@ -366,15 +457,20 @@ NAMELESS = """() => [...document.querySelectorAll(
   .filter((it) => !(it.textContent.trim() || it.ariaLabel || it.title || it.labels?.length
     || it.closest("label")))
   .map((it) => it.outerHTML.slice(0, 120))"""
-TIPLESS = """() => [...document.querySelectorAll(".q-btn, .q-slider, .q-toggle")]
-  .filter((it) => it.offsetParent !== null).length"""
+CONTROLS = ".q-btn, .q-slider, .q-toggle, .q-field, .q-tab, #seen button"
+# every control that is seen, with what its title says; those without show a tooltip of their own
+TITLES = f"""() => [...document.querySelectorAll("{CONTROLS}")].map((it, index) => ({{
+    index, seen: it.offsetParent !== null && !it.closest(".q-notification"),
+    name: it.ariaLabel || it.textContent.trim() || it.outerHTML.slice(0, 120),
+    title: it.closest("[title]")?.title ?? "",
+    value: it.closest(".field")?.querySelector(".value")?.textContent ?? "",
+  }})).filter((it) => it.seen)"""
 
 
 def test_everything_has_a_name_and_the_keyboard_reaches_it(page: Page) -> None:
-    for name in ("See", "Aim", "Move", "Tune", "Insight", "Files"):
+    for name in PANELS:
         panel(page, name)
         assert page.evaluate(NAMELESS) == [], name
-        assert page.evaluate(TIPLESS) > 0
     page.locator("body").click(position={"x": 300, "y": 30})
     reached = []
     for _ in range(5):
@@ -382,3 +478,32 @@ def test_everything_has_a_name_and_the_keyboard_reaches_it(page: Page) -> None:
         reached.append(page.evaluate("document.activeElement.textContent.trim()"))
     assert any("Run" in text for text in reached), reached
     assert any("Stop" in text for text in reached), reached
+
+
+def test_every_control_says_its_effect_and_unit(page: Page) -> None:
+    seen = set()
+    for name in PANELS:
+        panel(page, name)
+        page.locator(".pages").hover(position={"x": 4, "y": 4})
+        for control in page.evaluate(TITLES):
+            tip = control["title"] or tooltip(page, control["index"], name)
+            assert len(tip) > 8, (name, control)
+            unit = control["value"].lstrip("-–0123456789. ")
+            assert not unit or f"[{unit}]" in tip, (name, control, tip)
+            seen.add(control["name"])
+    assert len(seen) > 50, seen
+
+
+def tooltip(page: Page, index: int, panel: str) -> str:
+    """What appears when the pointer rests on a control."""
+    control = page.locator(CONTROLS).nth(index)
+    control.hover(force=True)
+    shown = page.locator(".q-tooltip").last
+    try:
+        shown.wait_for(timeout=5000)
+    except TimeoutError:
+        raise AssertionError(f"no tooltip: {panel}: {control.inner_text()}") from None
+    text = shown.inner_text()
+    page.mouse.move(640, 8)
+    page.locator(".q-tooltip").wait_for(state="detached")
+    return text

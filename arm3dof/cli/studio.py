@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,21 +17,24 @@ from arm3dof.cli.options import (
     Overrides,
     RobotName,
     read_overrides,
-    robot_from,
     writable,
 )
 from arm3dof.cli.serving import Browser, Port, serve_until_interrupted, show_address
-from arm3dof.errors import MissingExtra
+from arm3dof.errors import InputError, MissingExtra
 
 if TYPE_CHECKING:  # the page and its processes load only where they are shown
     from arm3dof.runtime.live.eye_process import EyeSpec
-    from arm3dof.ui.studio.studio import TargetStore
+    from arm3dof.runtime.live.tuned import Tuned
+    from arm3dof.ui.studio.studio import Store
     from arm3dof.vision.camera import Camera
     from arm3dof.vision.colour import ColourTarget
 
 
+USUAL_ROBOT = "arm3dof"
+
+
 def studio(
-    robot: RobotName = "arm3dof",
+    robot: RobotName = USUAL_ROBOT,
     changes: Overrides = None,
     camera: Annotated[
         str,
@@ -46,6 +50,14 @@ def studio(
             metavar="CAMERA",
             help="A CAMERA.toml, or a preset such as desk or paper. Default: desk; for the "
             "simulated table a camera before the arm.",
+            show_default=False,
+        ),
+    ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="STUDIO",
+            help="Begin with what was tuned: a studio.toml that the studio has written.",
             show_default=False,
         ),
     ] = None,
@@ -88,7 +100,8 @@ def studio(
     from arm3dof.ui.studio.studio import Studio
 
     check_entry(host, token)
-    arm = robot_from(robot, changes)
+    tuned = tuned_by(robot, changes, settings)
+    arm = tuned.load_robot()
     eye = eye_spec(camera, camera_file)
     writable(folder)
 
@@ -98,8 +111,7 @@ def studio(
 
         output.deliver({"url": url, "robot": arm.name}, as_json=as_json, show=show)
 
-    overrides = read_overrides(changes)
-    live = Studio(robot, arm, home(arm), eye, folder, camera_store(), overrides=overrides)
+    live = Studio(tuned, arm, home(arm), eye, folder, file_store())
     try:
         serve = partial(LocalServer, build_site(live), host=host, token=token)
         serve_until_interrupted(serve, port, browser=browser, announce=announce)
@@ -108,23 +120,55 @@ def studio(
     return output.DONE
 
 
-class _Targets:
-    """Writes and reads what a camera looks for."""
+def tuned_by(robot: str, changes: list[str] | None, settings: Path | None) -> Tuned:
+    """Return what the studio begins with.
 
-    def save(self, path: Path, camera: Camera, targets: Sequence[ColourTarget]) -> Path:
+    Args:
+        robot: its name or path; the settings' own robot goes before the usual one.
+        changes: of ``--set``, on top of the settings' own.
+        settings: a STUDIO.toml.
+
+    Raises:
+        ArmError: the file cannot be read, or is of another robot than the one that is named.
+    """
+    from arm3dof.config.studio_file import load_tuned
+    from arm3dof.runtime.live.tuned import Tuned
+
+    tuned = Tuned(robot) if settings is None else load_tuned(settings)
+    if robot not in (USUAL_ROBOT, tuned.source):
+        raise InputError(
+            f"--settings {settings} is of the robot {tuned.source}; leave --robot {robot} away"
+        )
+    return replace(tuned, overrides={**tuned.overrides, **read_overrides(changes)})
+
+
+class _Files:
+    """Writes and reads settings files."""
+
+    def save_targets(self, path: Path, camera: Camera, targets: Sequence[ColourTarget]) -> Path:
         from arm3dof.config.camera_file import save_camera
 
         return save_camera(path, camera, targets)
 
-    def load(self, path: Path) -> tuple[ColourTarget, ...]:
+    def load_targets(self, path: Path) -> tuple[ColourTarget, ...]:
         from arm3dof.config.camera_file import load_camera
 
         return tuple(load_camera(path).targets.values())
 
+    def save_tuned(self, path: Path, tuned: Tuned) -> Path:
+        from arm3dof.config.studio_file import save_tuned
 
-def camera_store() -> TargetStore:
-    """Return what writes and reads a camera's file, which the page itself may not know."""
-    return _Targets()
+        return save_tuned(path, tuned)
+
+    def load_tuned(self, path: Path) -> Tuned:
+        from arm3dof.config.studio_file import load_tuned
+
+        return load_tuned(path)
+
+
+def file_store() -> Store:
+    """Return what writes and reads settings files, which the page itself may not know."""
+    return _Files()
 
 
 def eye_spec(where: str, camera_file: str | None) -> EyeSpec:

@@ -19,13 +19,13 @@ from arm3dof.sim.events import (
     joint_axis,
     share_of_step,
 )
-from arm3dof.sim.plant import DisturbablePlant
+from arm3dof.sim.plant import DisturbablePlant, PlantAround
 from arm3dof.state import Array, JointState, finite_vector
 
 __all__ = ["DisturbedPlant", "JointTorque", "PayloadChange", "Push", "Wrench"]
 
 
-class DisturbedPlant:
+class DisturbedPlant(PlantAround[DisturbablePlant]):
     """A plant to which things happen that its controller is not told.
 
     Times are the plant's. Pushes and payloads come at the plant step nearest to their time, and
@@ -70,7 +70,7 @@ class DisturbedPlant:
             InputError: a number is outside its domain, or there is noise without ``rng``.
             FrameNotFound: the robot has no such joint.
         """
-        self.plant = plant
+        super().__init__(plant)
         self._original = robot = plant.robot
         in_time = sorted(payloads, key=lambda change: change.t)
         self._loads = [(change.t, change.on(robot)) for change in in_time]
@@ -88,26 +88,6 @@ class DisturbedPlant:
         self._delay_steps = round(delay / plant.dt)
         self._noise = _encoder_noise(robot, noise, plant.dt, velocity_filter, rng)
         self._begin()
-
-    @property
-    def robot(self) -> Robot:
-        """The robot that moves now, payload included; the controller's may be another."""
-        return self.plant.robot
-
-    @property
-    def dt(self) -> float:
-        """Time of one step [s]."""
-        return self.plant.dt
-
-    @property
-    def state(self) -> JointState:
-        """The present state, as it truly is."""
-        return self.plant.state
-
-    @property
-    def applied_torque(self) -> Array:
-        """What the motors gave in the last step, shape (nv,) [N m]; zero before the first."""
-        return self.plant.applied_torque
 
     def reset(self, state: JointState) -> JointState:
         """Place the arm in a state, let everything happen anew, and return the state.

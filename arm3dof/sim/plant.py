@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -62,3 +62,38 @@ class DisturbablePlant(Plant, Protocol):
 
     def change_robot(self, robot: Robot) -> None:
         """Go on with another robot of as many joints, such as one that took up a payload."""
+
+
+Inner = TypeVar("Inner", bound=DisturbablePlant)
+
+
+class PlantAround(Generic[Inner]):
+    """A plant around another one, of which it passes on what has not changed.
+
+    Attributes:
+        plant: the plant inside.
+    """
+
+    def __init__(self, plant: Inner) -> None:
+        """Surround a plant."""
+        self.plant = plant
+
+    @property
+    def robot(self) -> Robot:
+        """The robot that moves now, payload included; the controller's may be another."""
+        return self.plant.robot
+
+    @property
+    def dt(self) -> float:
+        """Time of one step [s]."""
+        return self.plant.dt
+
+    @property
+    def state(self) -> JointState:
+        """The present state, as it truly is."""
+        return self.plant.state
+
+    @property
+    def applied_torque(self) -> Array:
+        """What the motors gave in the last step, shape (nv,) [N m]; zero before the first."""
+        return self.plant.applied_torque

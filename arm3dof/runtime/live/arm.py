@@ -6,29 +6,27 @@ drives it in real time or a test in none at all.
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 
-from arm3dof.control import baselines
-from arm3dof.control.fallback import Fallback
 from arm3dof.control.mpc import MpcController
 from arm3dof.control.settings import MpcSettings
-from arm3dof.control.step import Controller, ControlStatus, ControlStep, TorqueSource
+from arm3dof.control.step import Controller, TorqueSource
 from arm3dof.errors import InputError
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live import commands as cmd
+from arm3dof.runtime.live.brake import Brake, unplanned
+from arm3dof.runtime.live.controllers import build_controller
 from arm3dof.runtime.live.frames import PLAN_ROWS, Frames, Mode, frame_type
+from arm3dof.runtime.live.mind import Mind, OwnMind
+from arm3dof.runtime.live.motion import Motion
 from arm3dof.runtime.live.plants import LivePlant
-from arm3dof.runtime.live.work import PHASES, Work
-from arm3dof.runtime.tasks.gripping import Gripping
+from arm3dof.runtime.live.work import PHASES, Work, errand
 from arm3dof.runtime.tasks.signals import Sight
 from arm3dof.sim.world import World
 from arm3dof.state import Array, finite_vector
 
 FRAME_RATE = 60.0
 """Frames that are aimed at [1/s]; a faster controller gives one a control step."""
-_AT_REST = 0.05  # [rad/s]: a slower joint has been braked
 
 
 class LiveArm:
@@ -49,6 +47,7 @@ class LiveArm:
         start: Array,
         control: cmd.Control | None = None,
         world: World | None = None,
+        mind: Mind | None = None,
     ) -> None:
         """Create an arm that holds its start.
 
@@ -57,24 +56,24 @@ class LiveArm:
             start: joint positions to begin at, shape (nv,) [rad].
             control: the controller to begin with.
             world: what is known of the surroundings; without one there are no tasks.
+            mind: what decides in a task; a mind of its own, for which time waits, without.
         """
         robot = plant.robot
         self.plant, self.kind = plant, frame_type(robot.nv, len(plant.bodies))
         self._start = finite_vector(start, robot.nv, "start")
         self._true, self._model, self._world = robot, robot, world
-        self._gripping: Gripping | None = None
+        self._mind = OwnMind() if mind is None else mind
+        self._motion = Motion(plant)
         self._work: Work | None = None
         self.sight: Sight | None = None
         self.said: list[str] = []
-        self._load, self._version, self._run, self._energy = 0.0, 0, 0, 0.0
+        self._load, self._version, self._run = 0.0, 0, 0
         self.paused = False
-        self._steps_left = 0
-        self._push, self._push_left = np.zeros(robot.nv), 0
+        self._steps_left, self._decided_at = 0, 0.0
         self._q_target = self._start
         self._frame = 0
         plant.restart(self._start)
         self._choose(control or cmd.Control())
-        self._given = self._tau
         self._hold(self._start)
 
     # ---- commands --------------------------------------------------------------------------
@@ -98,7 +97,7 @@ class LiveArm:
             case cmd.Aim(q_target):
                 self._q_target = finite_vector(q_target, self._true.nv, "the target")
             case cmd.Push():
-                self._begin_push(command)
+                self._motion.push(command)
             case cmd.Load(mass):
                 self._load = mass
                 self.plant.change_robot(self._loaded())
@@ -126,9 +125,8 @@ class LiveArm:
     def _begin_work(self, do: cmd.Do) -> None:
         if self._world is None or not np.isfinite(self.plant.opening):
             raise InputError(f"this world has nothing to {do.task}; start one with physics")
-        if self._gripping is None:
-            self._gripping = Gripping(self._model, self._world.table.height)
-        work = Work(do, self._model, self._gripping, self._start, self._world)
+        sent = errand(do, self._model, self._start, self._world)
+        work = Work(sent, self._model, self._mind)
         self._end_work()
         self._begin_run()
         self._work, self.mode = work, Mode.WORKING
@@ -144,16 +142,9 @@ class LiveArm:
         self.paused = False
         self._controller.reset()
         self._run += 1
-        self._energy = 0.0
+        self._motion.energy = 0.0
         self.mode = Mode.RUNNING
         self._frame = 0
-
-    def _begin_push(self, push: cmd.Push) -> None:
-        if not 0 <= push.joint < self._true.nv:
-            raise InputError(f"joint is {push.joint}; give 0 to {self._true.nv - 1}")
-        self._push = np.zeros(self._true.nv)
-        self._push[push.joint] = push.torque
-        self._push_left = round(push.duration / self.plant.dt)
 
     def _choose(self, control: cmd.Control) -> None:
         """Build the chosen controller, the one that holds, and the brake; then use them."""
@@ -163,31 +154,27 @@ class LiveArm:
             raise InputError(
                 f"dt is {settings.dt} s; give a whole number of steps of {self.plant.dt} s"
             )
-        controller = _controller(self._model, control, settings)
+        controller = build_controller(self._model, control)
         holder = MpcController(self._model, MpcSettings(dt=settings.dt))
+        was_working = self._work is not None
         self._end_work()
         self._controller, self._holder, self._control = controller, holder, control
+        self._asked: Controller | None = None
         self._set_schedule(settings.dt)
         held = self.plant.robot.gravity(self.plant.state.q)
-        self._tau = np.clip(held, -self._tau_max, self._tau_max)
-        delay = round(control.delay / self.plant.dt)
-        self._commands = deque([self._tau] * delay)
-        self._answer = ControlStep(
-            self._tau,
-            np.zeros(self._true.nv),
-            np.zeros((0, 2 * self._true.nv)),
-            ControlStatus.SOLVED,
-            TorqueSource.OPTIMUM,
-            0.0,
-        )
-        self._frame = 0
+        tau = np.clip(held, -self._tau_max, self._tau_max)
+        self._answer = unplanned(tau, np.zeros(self._true.nv), TorqueSource.OPTIMUM)
+        self._motion.delay(control.delay, tau)
+        if was_working:
+            self.said.append("the arm or its controller has changed, so the task was given up")
+            self.stop()
 
     def _set_schedule(self, dt: float) -> None:
         """Divide a control step into frames of whole plant steps."""
         count = max(1, round(dt * FRAME_RATE))
         steps = np.round(np.linspace(0, round(dt / self.plant.dt), count + 1)).astype(int)
         self._schedule = np.diff(steps)
-        self._brake = Fallback(self._model, dt / count, 0.0)
+        self._brake = Brake(self._model, dt / count)
         self._frame = 0
 
     def _rebuild(self, change: cmd.Rebuild) -> None:
@@ -200,7 +187,7 @@ class LiveArm:
         self.plant.change_robot(self._loaded())
         self._version = change.version
         if change.told:
-            self._model, self._gripping = robot, None
+            self._model = robot
             self._choose(self._control)
 
     def _loaded(self) -> Robot:
@@ -233,7 +220,9 @@ class LiveArm:
             controlled = self._frame == 0 and self.mode is not Mode.BRAKING
             if controlled:
                 self._decide()
-            self._move(int(self._schedule[self._frame]))
+            is_last = self._frame == len(self._schedule) - 1
+            steps = int(self._schedule[self._frame])
+            self._motion.move(self._answer.tau, steps, self._asked, is_last=is_last)
             self._steps_left = max(self._steps_left - 1, 0)
         self._frame = (self._frame + 1) % len(self._schedule)
         return self._seen(controlled)
@@ -242,42 +231,24 @@ class LiveArm:
         state = self.plant.measure()
         if self._work is not None:
             self._answer = self._work.step(state, self.plant, self.sight)
-            self._q_target = self._work.target
+            self._asked, self._q_target = self._work.controller, self._work.target
             if self._work.phase.is_final:
                 self.said.append(self._work.verdict)
                 self._q_target = state.q
                 self._hold(state.q)
-        elif self.mode is Mode.RUNNING:
-            self._answer = self._controller.step(state, self._q_target)
-        else:
-            self._answer = self._holder.step(state, self._rest)
-        self._tau = self._answer.tau
+            return
+        self._asked, target = self._holder, self._rest
+        if self.mode is Mode.RUNNING:
+            self._asked, target = self._controller, self._q_target
+        self._answer, self._decided_at = self._asked.step(state, target), state.t
 
     def _braking(self) -> None:
         state = self.plant.measure()
-        if (np.abs(state.v) < _AT_REST).all():
+        if self._brake.is_done(state):
             self._hold(state.q)
             return
-        answer = self._brake.answer(state, np.zeros(state.v.size))
-        self._tau = np.clip(answer.tau, -self._tau_max, self._tau_max)
-        self._answer = ControlStep(
-            self._tau,
-            answer.u,
-            np.zeros((0, 2 * state.v.size)),
-            ControlStatus.SOLVED,
-            TorqueSource.BRAKING,
-            0.0,
-        )
-
-    def _move(self, steps: int) -> None:
-        nothing = np.zeros(self._true.nv)
-        for _ in range(steps):
-            self._commands.append(self._tau)
-            pushed = self._push_left > 0
-            given = self.plant.step(self._commands.popleft(), self._push if pushed else nothing)
-            self._push_left -= pushed
-            self._energy += float(np.abs(given @ self.plant.state.v)) * self.plant.dt
-            self._given = given
+        self._asked = None
+        self._answer = self._brake.step(state, self._tau_max)
 
     # ---- what there is to see ---------------------------------------------------------------
 
@@ -285,11 +256,11 @@ class LiveArm:
         state, answer, robot = self.plant.state, self._answer, self.plant.robot
         frame = np.zeros((), self.kind)
         frame["t"], frame["q"], frame["v"] = state.t, state.q, state.v
-        frame["tau"] = self._given
+        frame["tau"] = self._motion.given
         frame["u"], frame["q_target"] = answer.u, self._q_target
         frame["gravity"] = robot.gravity(state.q)
         frame["tool"] = robot.placement(state.q).translation
-        frame["energy"], frame["load"] = self._energy, self._load
+        frame["energy"], frame["load"] = self._motion.energy, self._load
         frame["opening"], frame["bodies"] = self.plant.opening, self.plant.bodies
         frame["fingers"] = self.plant.fingers
         frame["step_time"], frame["control"] = answer.solve_time, controlled
@@ -304,23 +275,10 @@ class LiveArm:
 
     def _show_plan(self, frame: Frames) -> None:
         plan = self._answer.plan
-        if self.mode is not Mode.RUNNING or len(plan) < 2:
+        if self.mode is not Mode.RUNNING or len(plan) < 2 or self._asked is not self._controller:
             return
         rows = np.unique(np.linspace(0, len(plan) - 1, PLAN_ROWS).astype(int))
         frame["plan_rows"] = rows.size
         frame["plan_q"][: rows.size] = self._q_target - plan[rows, : self._true.nv]
-        frame["plan_t"][: rows.size] = frame["t"] + rows * self._controller.dt
-
-
-def _controller(robot: Robot, control: cmd.Control, settings: MpcSettings) -> Controller:
-    match control.controller:
-        case "mpc":
-            return MpcController(robot, settings)
-        case "computed-torque":
-            return baselines.computed_torque(robot, settings.dt)
-        case "pd-gravity":
-            return baselines.pd_gravity(robot, settings.dt, control.gains)
-        case "pid":
-            return baselines.pid(robot, settings.dt, control.gains)
-        case "pd":
-            return baselines.pd(robot, settings.dt, control.gains)
+        frame["plan_v"][: rows.size] = plan[rows, self._true.nv :]
+        frame["plan_t"][: rows.size] = self._decided_at + rows * self._controller.dt

@@ -39,7 +39,7 @@ def frame_type(nv: int, bodies: int = 0) -> np.dtype[np.void]:
     ``q v tau u q_target``    as in ``Recording``, shape (nv,)
     ``gravity``               torque that would hold the arm still, shape (nv,) [N m]
     ``tool``                  point between the fingers in the base frame, shape (3,) [m]
-    ``plan_t plan_q``         predicted times and positions, the first ``plan_rows`` of them
+    ``plan_t plan_q plan_v``  predicted times, positions, velocities: ``plan_rows`` of them
     ``energy``                integral of |tau . v| since the run began [J]
     ``load``                  payload at the tool [kg]
     ``disturbance``           torque that the controller blames on others, shape (nv,) [N m]
@@ -68,7 +68,7 @@ def frame_type(nv: int, bodies: int = 0) -> np.dtype[np.void]:
             ("disturbance", "f8", joint),
             ("tool", "f8", (3,)),
             ("plan_t", "f8", (PLAN_ROWS,)),
-            ("plan_q", "f8", (PLAN_ROWS, nv)),
+            *((name, "f8", (PLAN_ROWS, nv)) for name in ("plan_q", "plan_v")),
             *((name, "f8") for name in ("energy", "load", "opening", "step_time", "lateness")),
             ("bodies", "f8", (bodies, 7)),
             ("fingers", "f8", (2,)),

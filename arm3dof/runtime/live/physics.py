@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from arm3dof.model.gripper import find_gripper
 from arm3dof.model.robot import Robot
@@ -13,6 +14,7 @@ from arm3dof.runtime.live.frames import Frames, Ring
 from arm3dof.runtime.live.plants import PLANT_DT
 from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.sim.mujoco_plant import GripperState, MujocoPlant
+from arm3dof.sim.plant import PlantAround
 from arm3dof.sim.world import World
 from arm3dof.sim.world_camera import WorldCamera
 from arm3dof.state import Array, JointState
@@ -24,33 +26,14 @@ _MOVED = 1e-4  # what moves less looks the same [m, rad]
 _STILLS = 4  # pictures of a world that stands still, which then go round
 
 
-class PhysicsPlant:
-    """An arm with a gripper on a table with objects, that can be rebuilt while it moves.
-
-    Attributes:
-        plant: the MuJoCo plant inside.
-    """
+class PhysicsPlant(PlantAround[MujocoPlant]):
+    """An arm with a gripper on a table with objects, that can be rebuilt while it moves."""
 
     def __init__(self, robot: Robot, world: World, dt: float = PLANT_DT) -> None:
         """Create a plant at rest in the middle of the joint range."""
-        self.plant = MujocoPlant(robot, world, dt=dt)
+        super().__init__(MujocoPlant(robot, world, dt=dt))
         self._urdf = robot.description.urdf
         self._fingers = finger_joints(robot)
-
-    @property
-    def robot(self) -> Robot:
-        """The arm as it truly is."""
-        return self.plant.robot
-
-    @property
-    def dt(self) -> float:
-        """Time of one step [s]."""
-        return self.plant.dt
-
-    @property
-    def state(self) -> JointState:
-        """The present state."""
-        return self.plant.state
 
     @property
     def opening(self) -> float:
@@ -80,10 +63,13 @@ class PhysicsPlant:
         """Return the state as the encoders tell it."""
         return self.plant.measure()
 
-    def step(self, tau: Array, push: Array) -> Array:
-        """Hold a torque and a push for ``dt``; return what the motors gave."""
-        self.plant.step(tau, external_torque=push)
-        return self.plant.applied_torque
+    def step(self, tau: ArrayLike, *, external_torque: ArrayLike | None = None) -> JointState:
+        """Hold a torque for ``dt`` while the surroundings push; return the state after it."""
+        return self.plant.step(tau, external_torque=external_torque)
+
+    def reset(self, state: JointState) -> JointState:
+        """Place the arm in a state, everything else as the world says, and return the state."""
+        return self.plant.reset(state)
 
     def change_robot(self, robot: Robot) -> None:
         """Go on with another arm of the same joints, everything where it is."""
@@ -107,7 +93,7 @@ class PhysicsPlant:
 
     def restart(self, q: Array) -> None:
         """Put the arm to a position, at rest, and every object to its place; time goes on."""
-        self.plant.reset(JointState(self.state.t, q, np.zeros(self.robot.nv)))
+        self.reset(JointState(self.state.t, q, np.zeros(self.robot.nv)))
 
 
 class LiveCamera:

@@ -22,6 +22,8 @@ from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.arm import LiveArm
 from arm3dof.runtime.live.child import CONTEXT, Child, offer, received
 from arm3dof.runtime.live.frames import Mode, Ring, frame_type
+from arm3dof.runtime.live.mind import Mind
+from arm3dof.runtime.live.mind_process import RemoteMind
 from arm3dof.runtime.live.pace import Clock, Pacer, WallClock
 from arm3dof.runtime.live.plants import RigidPlant
 from arm3dof.runtime.parallel import PackedRobot
@@ -49,15 +51,15 @@ class ArmSpec:
     control: cmd.Control = field(default_factory=cmd.Control)
     world: World | None = None
 
-    def build(self) -> LiveArm:
-        """Build the world."""
+    def build(self, mind: Mind | None = None) -> LiveArm:
+        """Build the world; ``mind`` decides in its tasks."""
         robot = self.robot.unpack()
         if self.world is None:
             return LiveArm(RigidPlant(robot), np.array(self.start), self.control)
         from arm3dof.runtime.live.physics import PhysicsPlant  # needs MuJoCo
 
         plant = PhysicsPlant(robot, self.world)
-        return LiveArm(plant, np.array(self.start), self.control, self.world)
+        return LiveArm(plant, np.array(self.start), self.control, self.world, mind)
 
     def ring(self, make: Callable[..., object] = CONTEXT.RawArray) -> Ring:
         """Return an empty ring for the frames of this world."""
@@ -163,23 +165,31 @@ class ArmProcess(Child):
         spec: ArmSpec,
         on_news: Callable[[News], None],
         sights: Connection | None = None,
+        mind: Connection | None = None,
     ) -> None:
         """Start the process.
 
         Args:
             spec: what the world is made of.
-            sights: where what the eye has found comes from.
             on_news: called from a thread with what happens there.
+            sights: where what the eye has found comes from.
+            mind: the line to what decides in tasks, in another process; time waits without.
         """
         self.spec, self.ring = spec, spec.ring()
-        super().__init__("arm3dof-arm", _live, (spec, self.ring, sights), on_news)
+        super().__init__("arm3dof-arm", _live, (spec, self.ring, sights, mind), on_news)
 
 
-def _live(spec: ArmSpec, ring: Ring, sights: Connection | None, pipe: Connection) -> None:
+def _live(
+    spec: ArmSpec,
+    ring: Ring,
+    sights: Connection | None,
+    mind: Connection | None,
+    pipe: Connection,
+) -> None:
     """Be the arm's process."""
     with contextlib.suppress(OSError, AttributeError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
-    arm = spec.build()
+    arm = spec.build(None if mind is None else RemoteMind(mind))
     arm.advance()  # imports and first allocations happen before time counts
     gc.collect()
     gc.freeze()

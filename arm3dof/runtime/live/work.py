@@ -1,26 +1,30 @@
-"""Tasks in the live world: grasp a thing, or sort all, asked once a control step."""
+"""Tasks in the live world: grasp a thing, or sort all, step by step as a mind decides."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from arm3dof.control.mpc import MpcController
-from arm3dof.control.reference import JointTrajectory
+from arm3dof.control.reference import JointTrajectory, Target
 from arm3dof.control.step import ControlStep
-from arm3dof.errors import InputError
+from arm3dof.errors import ArmError, InputError
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live import commands as cmd
+from arm3dof.runtime.live.mind import Decision, Errand, Hand, Mind, Moment
 from arm3dof.runtime.live.plants import LivePlant
+from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.runtime.tasks.goals import Goal, Grasping, Sorting, Tray
-from arm3dof.runtime.tasks.gripping import Gripping
 from arm3dof.runtime.tasks.machine import Phase
-from arm3dof.runtime.tasks.pick_and_place import PickAndPlace
 from arm3dof.runtime.tasks.run import TASK_SETTINGS
 from arm3dof.runtime.tasks.signals import Sight
 from arm3dof.sim.world import World
 from arm3dof.state import Array, JointState
 
 PHASES = tuple(Phase)
+PATIENCE = 20.0
+"""How long a decision may take [s]; one takes 0.3 s, but a mind that just starts takes longer."""
 _BELIEVED_MASS = 0.02  # of a thing [kg]
 _LONGEST = {"grasp": 60.0, "sort": 240.0}  # [s]
 
@@ -28,41 +32,52 @@ _LONGEST = {"grasp": 60.0, "sort": 240.0}  # [s]
 class Work:
     """A task that the arm is carrying out.
 
+    The task has a clock of its own, which stands still while a decision takes longer than a
+    control step: so a way that is planned for now still begins now when it comes.
+
     Attributes:
-        dt: time between two control steps [s].
-        target: where the joints are to be in the end, shape (nv,) [rad].
+        phase: what is being done.
+        controller: what moves the arm.
+        payload: what the arm is believed to hold [kg].
     """
 
-    def __init__(
-        self, do: cmd.Do, robot: Robot, gripping: Gripping, home: Array, world: World
-    ) -> None:
+    def __init__(self, errand: Errand, robot: Robot, mind: Mind) -> None:
         """Begin.
 
         Args:
-            do: what is to be done.
+            errand: what is to be done.
             robot: the arm as its controller knows it.
-            gripping: what says how things are grasped.
-            home: where the arm waits while the camera looks, shape (nv,) [rad].
-            world: what is known of the surroundings: the bins.
+            mind: what decides.
+
+        Raises:
+            ArmError: nobody is there to decide.
         """
-        self.dt = TASK_SETTINGS.dt
-        self.target = home
-        self._robot, self._payload = robot, 0.0
-        self._controller = MpcController(robot, TASK_SETTINGS)
-        self._task = PickAndPlace(_goal(do, world), gripping, home, time_limit=_LONGEST[do.task])
+        self.phase, self.payload = Phase.LOOK, 0.0
+        self.controller = MpcController(robot, TASK_SETTINGS)
+        self._robot, self._mind = robot, mind
+        self._way: Target = errand.home
+        self._why = ""
+        self._asked: float | None = None
+        self._behind = 0.0  # the task's clock, behind the arm's [s]
+        mind.begin(errand)
 
     @property
-    def phase(self) -> Phase:
-        """What is being done."""
-        return self._task.phase
+    def dt(self) -> float:
+        """Time between two control steps [s]."""
+        return TASK_SETTINGS.dt
+
+    @property
+    def target(self) -> Array:
+        """Where the joints are to be in the end, shape (nv,) [rad]."""
+        way = self._way
+        return way.q[-1] if isinstance(way, JointTrajectory) else np.asarray(way, float)
 
     @property
     def verdict(self) -> str:
         """How it ended, in words."""
-        failure = self._task.failure
         if self.phase is Phase.DONE:
             return "the task is done"
-        return "the task has failed" if failure is None else failure.sentence
+        return self._why or "the task has failed"
 
     def step(self, state: JointState, plant: LivePlant, sight: Sight | None) -> ControlStep:
         """Return the torque until the next step, and move the fingers.
@@ -72,15 +87,70 @@ class Work:
             plant: the arm, whose gripper is asked and told.
             sight: the latest that the eye knows.
         """
-        command = self._task.tick(state, plant.gripper, sight)
-        if command.payload != self._payload:
-            self._payload = command.payload
-            loaded = self._robot.with_payload(command.payload) if command.payload else self._robot
-            self._controller = MpcController(loaded, TASK_SETTINGS)
-        plant.grip(command.opening)
-        target = command.target
-        self.target = target.q[-1] if isinstance(target, JointTrajectory) else np.asarray(target)
-        return self._controller.step(state, target)
+        try:
+            self._take(state, plant)
+            if self._asked is None and not self.phase.is_final:
+                self._asked = state.t
+                self._mind.tell(self._moment(state, plant, sight))
+                self._take(state, plant)
+        except ArmError as error:
+            self._fail(str(error))
+        return self.controller.step(state, self._way)
+
+    def _moment(self, state: JointState, plant: LivePlant, sight: Sight | None) -> Moment:
+        late = self._behind
+        if sight is not None:
+            sight = replace(sight, taken_at=sight.taken_at - late)
+        hand = Hand(plant.gripper.opening, plant.gripper.moving)
+        return Moment(JointState(state.t - late, state.q, state.v), hand, sight)
+
+    def _take(self, state: JointState, plant: LivePlant) -> None:
+        """Do what was decided, if that has come."""
+        if self._asked is None:
+            return
+        took = state.t - self._asked
+        decision = self._mind.decided()
+        if decision is None:
+            if took > PATIENCE:
+                self._fail(f"no decision came within {PATIENCE:g} s")
+            return
+        self._asked = None
+        self._behind += max(took - self.dt, 0.0)
+        self._follow(decision, plant)
+
+    def _follow(self, decision: Decision, plant: LivePlant) -> None:
+        self.phase, self._why = decision.phase, decision.why
+        if decision.payload != self.payload:
+            self.payload = decision.payload
+            held = self._robot.with_payload(self.payload) if self.payload else self._robot
+            self.controller = MpcController(held, TASK_SETTINGS)
+        if decision.opening is not None:
+            plant.grip(decision.opening)
+        way = decision.target
+        if isinstance(way, JointTrajectory):
+            self._way = JointTrajectory(way.times + self._behind, way.q) if self._behind else way
+        elif way is not None:
+            self._way = way
+
+    def _fail(self, why: str) -> None:
+        self.phase, self._why, self._asked = Phase.FAILED, why, None
+
+
+def errand(do: cmd.Do, robot: Robot, home: Array, world: World) -> Errand:
+    """Return what a mind has to know of a task.
+
+    Args:
+        do: what is to be done.
+        robot: the arm as its controller knows it.
+        home: where the arm waits while the camera looks, shape (nv,) [rad].
+        world: what is known of the surroundings: the table and the bins.
+
+    Raises:
+        InputError: the world lacks what the task needs.
+    """
+    return Errand(
+        _goal(do, world), PackedRobot.of(robot), home, world.table.height, _LONGEST[do.task]
+    )
 
 
 def _goal(do: cmd.Do, world: World) -> Goal:

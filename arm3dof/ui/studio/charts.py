@@ -33,6 +33,9 @@ CHARTS = (
     Chart("tau", "Torque", "N m", 0.2),
 )
 
+PLANNED = ("e", "v")
+"""Charts in which the controller's plan is drawn ahead."""
+
 
 def chart_options(chart: Chart, robot: Robot) -> dict[str, object]:
     """Return what a chart is made of; the page adds the data.
@@ -47,7 +50,7 @@ def chart_options(chart: Chart, robot: Robot) -> dict[str, object]:
         colour = COLORS[k % len(COLORS)]
         series.append(_line(name, colour))
         series.append(_line(f"{name} kept", colour, "dashed", opacity=0.6))
-        if chart.name == "e":
+        if chart.name in PLANNED:
             series.append(_line(f"{name} plan", colour, "dotted"))
     if chart.name == "tau":
         series.append(_limits(robot.limits.tau_max.tolist()))

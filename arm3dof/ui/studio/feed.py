@@ -53,6 +53,7 @@ def numbers_message(
         "gravity": _round(last["gravity"], 4),
         "plan_t": _round(last["plan_t"][:planned], 3),
         "plan_e": _round(last["q_target"] - last["plan_q"][:planned], 5),
+        "plan_v": _round(last["plan_v"][:planned], 4),
         "step_us": _round(1e6 * controlled["step_time"], 0),
         "energy": round(float(last["energy"]), 4),
         "load": round(float(last["load"]), 3),
@@ -84,10 +85,7 @@ def seen(located: Sequence[Located], robot: Robot) -> list[dict[str, object]]:
             "sigma": round(found.depth_sigma_m, 5),
             "reach": inverse_kinematics(robot, found.p_base).reachable,
             "colour": _css(found.target),
-            "pixel": [
-                found.box_px[0] + found.box_px[2] // 2,
-                found.box_px[1] + found.box_px[3] // 2,
-            ],
+            "pixel": _middle(found.box_px),
         }
         for found in located
     ]

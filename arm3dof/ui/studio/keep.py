@@ -1,13 +1,11 @@
-"""What the studio writes down: runs, settings, the arm; always whole, and into one folder."""
+"""What the studio writes down: always whole, and into one folder."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from arm3dof.control.settings import MpcSettings
 from arm3dof.errors import InputError
 from arm3dof.files import write_atomically
 from arm3dof.model.robot import Robot
@@ -72,35 +70,6 @@ class Runs:
         return float(self._parts[-1]["t"][-1] - self._parts[0]["t"][0]) if self._parts else 0.0
 
 
-def settings_toml(
-    source: str, overrides: Mapping[str, float], servo: str, control: cmd.Control
-) -> str:
-    """Return what is tuned as TOML.
-
-    Args:
-        source: what the robot was loaded from.
-        overrides: URDF parameters that differ from its file, SI units.
-        servo: the servo in every joint; empty for the URDF's own limits.
-        control: the controller.
-    """
-    settings = control.settings()
-    lines = ["[robot]", f'source = "{source}"']
-    if servo:
-        lines.append(f'servos = "{servo}"')
-    lines += [
-        "",
-        "[robot.overrides]",
-        *(f'"{key}" = {value!r}' for key, value in overrides.items()),
-    ]
-    lines += ["", "[control]", f'controller = "{control.controller}"']
-    lines += [f"motor_delay_s = {control.delay!r}", "", "[control.mpc]"]
-    for name in MpcSettings.__dataclass_fields__:
-        value = getattr(settings, name)
-        if value is not None:
-            lines.append(f"{name} = {_toml(value)}")
-    return "\n".join(lines) + "\n"
-
-
 def write_into(folder: Path, name: str, data: bytes) -> Path:
     """Write a file into the studio's folder.
 
@@ -120,13 +89,3 @@ def free_name(folder: Path, stem: str, suffix: str) -> str:
     while (folder / f"{stem}-{number}{suffix}").exists():
         number += 1
     return f"{stem}-{number}{suffix}"
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, str):
-        return f'"{value}"'
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, tuple | list | np.ndarray):
-        return "[" + ", ".join(_toml(float(item)) for item in np.ravel(value)) + "]"
-    return repr(value)

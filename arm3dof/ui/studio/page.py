@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from nicegui import events, ui
 
 from arm3dof.runtime.live import commands as cmd
-from arm3dof.ui.studio.charts import CHARTS, chart_options
+from arm3dof.ui.studio.charts import CHARTS, PLANNED, chart_options
 from arm3dof.ui.studio.panels import PANELS, Built
 from arm3dof.ui.studio.panels.aim import Aim
 from arm3dof.ui.studio.panels.see import See
@@ -46,6 +46,7 @@ def build_page(studio: Studio) -> None:
         "charts": charts,
         "joints": list(studio.robot.joint_names),
         "limits": studio.robot.limits.tau_max.tolist(),
+        "planned": PLANNED,
         "spans": {chart.name: chart.span for chart in CHARTS},
         "speeds": studio.robot.limits.v_max.tolist(),
     }

@@ -6,26 +6,32 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from arm3dof.model.gripper import Gripper, find_gripper, with_free_gripper
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live.frames import Frames
-from arm3dof.sim.world import World
+from arm3dof.sim.world import COLOURS, World
 from arm3dof.state import Array
 from arm3dof.ui import shapes
-from arm3dof.ui.meshcat_scene import Scene
+from arm3dof.ui.meshcat_scene import GHOST, Scene
 from arm3dof.ui.meshcat_window import Command, MeshcatWindow
-from arm3dof.ui.studio.things import body_poses, draw_world
+from arm3dof.ui.studio.ghost import Ghost
 from arm3dof.ui.style import COLORS
+from arm3dof.ui.things import body_poses, draw_world
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.locate import Located
 
 _BAR = 0.10  # length of a bar at the torque limit [m]
 _TRAIL = 240  # points of the tool's path that are drawn
 _STRIDE = 0.002  # the tool moves as far before its path grows [m]
+_UNNAMED = (0.55, 0.36, 0.64)  # colour of a thing whose name is no colour
 _FRUSTUM = 0.10  # how far the camera's view is drawn [m]
 _CLOUD = 6000  # samples of the reachable region
 _ASIDE = 1.3  # [rad]: the view holds the arm stretched out to each side
-_SAME = 1e-10  # [rad]: an arm that moved less looks the same, and its picture may rest
+_VISIBLE = 1e-4  # [rad, m]: what moved less looks the same, and its picture may rest
+_SAME = 1e-10  # [rad, m]: but in the end all is where it is, to the last digits
+_SETTLED = 20  # frames after which a change that nobody sees is drawn as well
+_AHEAD = (GHOST[:3], (0.10, 0.20))  # colour of the plan's ghosts, and their opacities
+_NEAR = 0.02  # [rad]: a plan that leads no farther is not worth a ghost
+_WXYZ = (0, 1, 2, 4, 5, 6, 3)  # MuJoCo's order of a pose, to Pinocchio's
 
 
 class LiveScene:
@@ -52,45 +58,69 @@ class LiveScene:
         """
         self.window = MeshcatWindow()
         self._home, self._camera, self._world = home, camera, world or World()
-        self._bodies: Array | None = None
         self._trail: list[Array] = []
         self._run = -1
-        self._q: Array | None = None
-        self._q_target: Array | None = None
         self.change_robot(robot)
 
     def change_robot(self, robot: Robot) -> None:
         """Draw another arm in place of the one before."""
         self._robot = robot.clone()
-        self.window.post(*(shapes.delete(path) for path in ("/robot", "/ghost", "/bars")))
+        self.window.post(*(shapes.delete(path) for path in ("/robot", "/ghost", "/plan", "/bars")))
         self._scene = Scene(self._robot, self.window)
         stretched = np.clip(np.zeros(robot.nv), robot.limits.q_min, robot.limits.q_max)
         aside = [stretched + turn * np.eye(robot.nv)[0] for turn in (-_ASIDE, _ASIDE)]
         poses = np.clip([self._home, stretched, *aside], robot.limits.q_min, robot.limits.q_max)
         self._scene.look_at(poses)
-        self._q = self._q_target = None
-        gripper = find_gripper(self._robot)
-        self._hand = None if gripper is None else _Hand(self._robot, gripper)
+        self._arm, self._things, self._ahead = _Shown(), _Shown(), _Shown()
+        self._q_target: Array | None = None
+        self._target = Ghost(self._robot, "/ghost", GHOST)
+        color, opacities = _AHEAD
+        self._plan = [
+            Ghost(self._robot, f"/plan/{k}", (*color, opacity))
+            for k, opacity in enumerate(opacities)
+        ]
+        self._plans: bool | None = None
+        for ghost in (self._target, *self._plan):
+            self.window.post(*ghost.objects())
         self.window.post(*self._bars(), *draw_world(self._world))
         if self._camera is not None:
             self.window.post(*_frustum(self._camera))
 
     def show(self, frame: Frames) -> None:
         """Show one frame."""
-        q = np.append(frame["q"], np.nan_to_num(frame["fingers"]))
-        if self._q is None or np.abs(self._q - q).max() > _SAME:
-            self._q = q
-            self._scene.display(frame["q"])
-            self.window.post(*self._bar_poses(frame))
-            if self._hand is not None and np.isfinite(frame["fingers"]).all():
-                self.window.post(*self._hand.poses(frame))
-        if self._bodies is None or not np.array_equal(self._bodies, frame["bodies"]):
-            self._bodies = np.array(frame["bodies"])
-            self.window.post(*body_poses(self._world, self._bodies))
+        if self._arm.differs(np.append(frame["q"], frame["opening"])):
+            self._show_arm(frame)
+        if self._things.differs(frame["bodies"]):
+            names = (body.name for body in self._world.bodies)
+            rows = frame["bodies"][:, _WXYZ]
+            self.window.post(*body_poses(dict(zip(names, rows, strict=True))))
         if self._q_target is None or not np.array_equal(self._q_target, frame["q_target"]):
             self._q_target = np.array(frame["q_target"])
-            self._scene.show_ghost(self._q_target)
+            self.window.post(*self._target.poses(self._q_target))
             self._scene.show_target(self._robot.placement(self._q_target).translation)
+        self._show_plan(frame)
+
+    def _show_arm(self, frame: Frames) -> None:
+        drawing, opening = self._scene.drawing, float(frame["opening"])
+        places = drawing.placements(frame["q"], None if np.isnan(opening) else opening)
+        links = zip(drawing.link_names, places, strict=True)
+        self.window.post(
+            *(shapes.pose(drawing.node(name), place) for name, place in links),
+            *self._bar_poses(frame),
+        )
+
+    def _show_plan(self, frame: Frames) -> None:
+        """Draw where the controller expects the arm halfway and at its horizon, while it moves."""
+        rows = int(frame["plan_rows"])
+        end = frame["plan_q"][rows - 1]
+        plans = rows > 1 and bool(np.abs(end - frame["q"]).max() > _NEAR)
+        if plans != self._plans:
+            self._plans = plans
+            self.window.post(self._target.seen(not plans), *(it.seen(plans) for it in self._plan))
+        if plans and self._ahead.differs(end):
+            stages = (frame["plan_q"][rows // 2], end)
+            for ghost, q in zip(self._plan, stages, strict=True):
+                self.window.post(*ghost.poses(q))
 
     def show_trail(self, frames: Frames) -> None:
         """Draw the tool's path of the present run further, through new frames, shape (n,)."""
@@ -117,7 +147,8 @@ class LiveScene:
             transform[:3, :3] = turn * (2 * np.sqrt(np.maximum(spread, 1e-8)) + 0.002)
             transform[:3, 3] = found.p_base
             path = f"/seen/{number}"
-            look = shapes.material((*_colour_of(found.target), 0.85), "Phong")
+            colour = COLOURS.get(found.target, _UNNAMED)
+            look = shapes.material((*colour, 0.85), "Phong")
             self.window.post(
                 shapes.draw(path, shapes.sphere(1.0), look), shapes.pose(path, transform)
             )
@@ -153,23 +184,25 @@ class LiveScene:
         return commands
 
 
-class _Hand:
-    """The fingers, which the arm's model holds still and which move here."""
+class _Shown:
+    """What was drawn last, to tell whether there is anything new to be seen."""
 
-    def __init__(self, robot: Robot, gripper: Gripper) -> None:
-        free = with_free_gripper(robot, gripper)
-        self._free, self._q = free, np.zeros(free.nv)
-        self._arm = [free.joint_names.index(name) for name in robot.joint_names]
-        self._fingers = [free.joint_names.index(name) for name in gripper.joints]
-        self._links = (gripper.driven.link, gripper.follower.link)
+    def __init__(self) -> None:
+        self._values: Array | None = None
+        self._since = 0
 
-    def poses(self, frame: Frames) -> list[Command]:
-        """Return the commands that put the fingers where they are."""
-        self._q[self._arm], self._q[self._fingers] = frame["q"], frame["fingers"]
-        return [
-            shapes.pose(f"/robot/{link}", self._free.placement(self._q, link).homogeneous)
-            for link in self._links
-        ]
+    def differs(self, values: Array) -> bool:
+        """Return whether values are to be drawn, which are then the ones that were."""
+        new = np.nan_to_num(values)
+        self._since += 1
+        if self._values is not None and new.size:
+            change = float(np.abs(new - self._values).max())
+            if change <= (_SAME if self._since > _SETTLED else _VISIBLE):
+                return False
+        elif self._values is not None:
+            return False
+        self._values, self._since = np.array(new), 0
+        return True
 
 
 def _frustum(camera: Camera) -> list[Command]:
@@ -207,19 +240,6 @@ def _region(robot: Robot) -> list[Command]:
     look = shapes.line_material((1, 1, 1, 0.55), vertexColors=True)
     cloud = shapes.triangles(marks, colors=colours)
     return [shapes.draw("/region", cloud, look, "LineSegments")]
-
-
-_NAMED = {
-    "red": (0.84, 0.15, 0.12),
-    "green": (0.10, 0.60, 0.25),
-    "blue": (0.13, 0.33, 0.80),
-    "yellow": (0.95, 0.75, 0.10),
-}
-
-
-def _colour_of(target: str) -> tuple[float, float, float]:
-    """Return a colour that goes with a target's name."""
-    return _NAMED.get(target, (0.55, 0.36, 0.64))
 
 
 def _rgb(code: str) -> tuple[float, float, float]:

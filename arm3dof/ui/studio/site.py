@@ -7,7 +7,8 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from fastapi import FastAPI
-from nicegui import ui
+from nicegui import app as nicegui_app
+from nicegui import core, ui
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
@@ -23,6 +24,9 @@ POLICY = (
 )
 RECONNECT = 3.0
 """How long a tab that lost its connection may take to come back as the same tab [s]."""
+STALL = 10.0
+"""How long a tab may be too busy to answer before it counts as lost [s]: a page on a slow machine
+that stalls for a while is not to be loaded anew, for it would lose the controls."""
 # what a client asks for in vain, or says wrongly, is no news for the terminal
 _LOUDEST = {
     "nicegui": logging.ERROR,
@@ -51,6 +55,7 @@ def build_site(studio: Studio) -> FastAPI:
     def page() -> None:
         build_page(studio)
 
+    nicegui_app.on_startup(_bear_stalls)
     ui.run_with(
         app,
         title="arm3dof studio",
@@ -63,6 +68,10 @@ def build_site(studio: Studio) -> FastAPI:
         show_welcome_message=False,
     )
     return app
+
+
+def _bear_stalls() -> None:
+    core.sio.eio.ping_timeout = STALL
 
 
 async def _keep_to_itself(

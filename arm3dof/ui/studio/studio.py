@@ -16,14 +16,15 @@ from starlette.routing import BaseRoute, Mount, WebSocketRoute
 
 from arm3dof.errors import ArmError, InputError
 from arm3dof.model.gripper import Gripper, find_gripper
-from arm3dof.model.library import load_robot
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.child import CONTEXT
 from arm3dof.runtime.live.eye import Learned, Pick, Sight, Watch
 from arm3dof.runtime.live.eye_process import EyeProcess, EyeSpec
 from arm3dof.runtime.live.frames import Frames
+from arm3dof.runtime.live.mind_process import MindProcess
 from arm3dof.runtime.live.process import ArmProcess, ArmSpec, News
+from arm3dof.runtime.live.tuned import Tuned
 from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.sim.world import World
 from arm3dof.ui.broadcast import Broadcast
@@ -31,7 +32,7 @@ from arm3dof.ui.report import write_report
 from arm3dof.ui.studio import feed
 from arm3dof.ui.studio.controls import Controls
 from arm3dof.ui.studio.fields import control_changes
-from arm3dof.ui.studio.keep import Runs, free_name, settings_toml, write_into
+from arm3dof.ui.studio.keep import Runs, free_name, write_into
 from arm3dof.ui.studio.scene import LiveScene
 from arm3dof.ui.studio.start import free_place
 from arm3dof.vision.camera import Camera
@@ -43,27 +44,32 @@ VIEW_RATE = 40.0
 _TRAIL_RATE = 5.0  # [1/s]
 _LATENESS_KEPT = 3600  # wake-ups, a minute of them
 _NEWS_KEPT = 50
-_CAMERA_FILE = "camera.toml"
+_CAMERA_FILE, _SETTINGS_FILE = "camera.toml", "studio.toml"
 _LOST = "the tab that held the controls is gone, so the arm was stopped"
 
 
-class TargetStore(Protocol):
-    """Writes and reads what a camera looks for."""
+class Store(Protocol):
+    """Writes and reads settings files, which the page itself does not know."""
 
-    def save(self, path: Path, camera: Camera, targets: Sequence[ColourTarget]) -> Path:
-        """Write a CAMERA.toml and return its path."""
+    def save_targets(self, path: Path, camera: Camera, targets: Sequence[ColourTarget]) -> Path:
+        """Write what a camera looks for as a CAMERA.toml, and return its path."""
 
-    def load(self, path: Path) -> tuple[ColourTarget, ...]:
+    def load_targets(self, path: Path) -> tuple[ColourTarget, ...]:
         """Return the targets of a CAMERA.toml."""
+
+    def save_tuned(self, path: Path, tuned: Tuned) -> Path:
+        """Write what was tuned as a STUDIO.toml, and return its path."""
+
+    def load_tuned(self, path: Path) -> Tuned:
+        """Return what a STUDIO.toml says."""
 
 
 class Studio:
     """Runs the arm and the eye in their processes and tells the page what they do.
 
     Attributes:
-        source: name or path of the robot.
         robot: the arm as it is now.
-        overrides: URDF parameters that differ from the robot's file.
+        tuned: its parameters and its controller.
         out: the only folder that is written to.
         arm: the arm's process.
         eye: the eye's process.
@@ -76,32 +82,28 @@ class Studio:
 
     def __init__(
         self,
-        source: str,
+        tuned: Tuned,
         robot: Robot,
         start: ArrayLike,
         eye: EyeSpec,
         out: Path,
-        store: TargetStore,
-        *,
-        overrides: Mapping[str, float] | None = None,
+        store: Store,
     ) -> None:
         """Start the processes; ``close`` ends them.
 
         Args:
-            source: what the robot was loaded from.
-            robot: the arm.
+            tuned: the arm's parameters and its controller.
+            robot: the arm that ``tuned`` describes.
             start: joint positions to begin at, shape (nv,) [rad].
             eye: what the eye looks through.
             out: the folder that files are written to.
-            store: writes and reads the camera's file.
-            overrides: URDF parameters that it was loaded with.
+            store: writes and reads settings files.
         """
-        self.source, self.robot, self.out = source, robot, out
-        self.overrides = dict(overrides or {})
+        self.tuned, self.robot, self.out = tuned, robot, out
         self.news: deque[tuple[int, News]] = deque(maxlen=_NEWS_KEPT)
         self.sight: Sight | None = None
         self.learned: Learned | None = None
-        self.watch, self.control, self.servo = eye.watch, cmd.Control(), ""
+        self.watch = eye.watch
         self.chosen = eye.watch.targets[0].name if eye.watch.targets else ""
         self.camera, self._store = eye.camera, store
         self.runs = Runs()
@@ -112,11 +114,14 @@ class Studio:
         world = eye.source if isinstance(eye.source, World) else None
         position = tuple(np.asarray(start, float).tolist())
         ear, mouth = CONTEXT.Pipe(duplex=False)
-        spec = ArmSpec(packed, position, self.control, world)
-        self.arm = ArmProcess(spec, self._hear, ear)
+        asks, answers = CONTEXT.Pipe()
+        spec = ArmSpec(packed, position, tuned.control, world)
+        self.arm = ArmProcess(spec, self._hear, ear, asks)
         self.eye = EyeProcess(eye, packed, self.arm.ring, self._see, mouth)
-        ear.close()
-        mouth.close()
+        for end in (ear, mouth, asks):
+            end.close()
+        self._answers = answers
+        self._mind: MindProcess | None = None
         self.scene = LiveScene(robot, np.array(position), eye.camera, world)
         self.live = Broadcast(lambda: b"")
         self.controls = Controls(self._lost)
@@ -134,9 +139,9 @@ class Studio:
         Raises:
             ArmError: its process has ended.
         """
-        if isinstance(command, cmd.Control):
-            self.control = command
         self.arm.send(command)
+        if isinstance(command, cmd.Control):
+            self.tuned = replace(self.tuned, control=command)
 
     def look_for(self, watch: Watch) -> None:
         """Let the eye look for other things."""
@@ -157,13 +162,14 @@ class Studio:
         Raises:
             ArmError: a parameter is impossible; everything stays as it is.
         """
-        robot = load_robot(self.source, overrides=dict(overrides) or None, servos=servo or None)
+        robot = replace(self.tuned, overrides=dict(overrides), servo=servo).load_robot()
         self._version += 1
         packed = PackedRobot.of(robot)
         self.arm.send(cmd.Rebuild(packed, self._version))
         self.eye.send(packed)
         with self._scene_lock:
-            self.robot, self.overrides, self.servo = robot, dict(overrides), servo
+            self.robot = robot
+            self.tuned = replace(self.tuned, overrides=dict(overrides), servo=servo)
             self.scene.change_robot(robot)
 
     def show_region(self, shown: bool) -> None:
@@ -195,9 +201,9 @@ class Studio:
     def changes(self) -> list[str]:
         """Return what differs from how everything comes, one line each."""
         return [
-            *control_changes(self.control),
-            *([f"servos = {self.servo}"] if self.servo else []),
-            *(f"{key} = {value:g}" for key, value in self.overrides.items()),
+            *control_changes(self.tuned.control),
+            *([f"servos = {self.tuned.servo}"] if self.tuned.servo else []),
+            *(f"{key} = {value:g}" for key, value in self.tuned.overrides.items()),
         ]
 
     def located(self) -> tuple[Located, ...]:
@@ -224,7 +230,7 @@ class Studio:
         Raises:
             InputError: there was no run, or the folder cannot be written.
         """
-        recording = self.runs.recording(self.robot, self.control)
+        recording = self.runs.recording(self.robot, self.tuned.control)
         return recording.save(self.out / free_name(self.out, "run", ".npz"))
 
     def save_report(self) -> Path:
@@ -233,14 +239,28 @@ class Studio:
         Raises:
             InputError: there was no run, or the folder cannot be written.
         """
-        recording = self.runs.recording(self.robot, self.control)
+        recording = self.runs.recording(self.robot, self.tuned.control)
         picture = None if self.sight is None else self.sight.jpeg
         return write_report(recording, self.out / free_name(self.out, "report", ".html"), picture)
 
     def save_settings(self) -> Path:
         """Write what is tuned as TOML, and return where."""
-        text = settings_toml(self.source, self.overrides, self.servo, self.control)
-        return write_into(self.out, "studio.toml", text.encode())
+        return self._store.save_tuned(self.out / _SETTINGS_FILE, self.tuned)
+
+    def load_settings(self) -> None:
+        """Tune as the folder's studio.toml says.
+
+        Raises:
+            ArmError: there is none, it is broken, or it is of another robot.
+        """
+        tuned = self._store.load_tuned(self.out / _SETTINGS_FILE)
+        if tuned.source != self.tuned.source:
+            raise InputError(
+                f"{_SETTINGS_FILE} is of the robot {tuned.source}, and this is "
+                f"{self.tuned.source}; start with: arm3dof studio --settings {_SETTINGS_FILE}"
+            )
+        self.rebuild(tuned.overrides, tuned.servo)
+        self.ask(tuned.control)
 
     def save_urdf(self) -> Path:
         """Write the arm as it is now as a URDF, and return where."""
@@ -248,7 +268,7 @@ class Studio:
 
     def save_targets(self) -> Path:
         """Write what the eye looks for as a CAMERA.toml, and return where."""
-        return self._store.save(self.out / _CAMERA_FILE, self.camera, self.watch.targets)
+        return self._store.save_targets(self.out / _CAMERA_FILE, self.camera, self.watch.targets)
 
     def load_targets(self) -> None:
         """Look for what the folder's CAMERA.toml says.
@@ -256,7 +276,7 @@ class Studio:
         Raises:
             ArmError: there is none, or it is broken.
         """
-        targets = self._store.load(self.out / _CAMERA_FILE)
+        targets = self._store.load_targets(self.out / _CAMERA_FILE)
         self.chosen = targets[0].name if targets else ""
         self.look_for(replace(self.watch, targets=targets, shown=""))
 
@@ -276,6 +296,8 @@ class Studio:
         self._thread.join()
         self.arm.close()
         self.eye.close()
+        if self._mind is not None:
+            self._mind.close()
 
     # ---- what comes back -----------------------------------------------------------------------
 
@@ -309,6 +331,9 @@ class Studio:
         trail: list[Frames] = []
         turn = 0
         while not self._stopping.wait(max(due - time.monotonic(), 0.0)):
+            if self._mind is None and self.sight is not None:  # the page comes before the tasks
+                self._mind = MindProcess(self._answers, lambda message: None)
+                self._answers.close()
             due = max(due + 1 / VIEW_RATE, time.monotonic())
             count, frames = self.arm.ring.since(count)
             if not len(frames):

@@ -114,7 +114,29 @@ const quality = {
     viewer.set_dirty();
   },
 };
+// Where one picture takes long, the page around it gets as much time as the picture took.
+const breath = {
+  long: 80, longest: 500, // ms
+  begun: 0, until: 0,
+
+  frame(now) { // the browser asks for the next frame when the last one is on the screen
+    if (!this.begun || now <= this.begun) return; // nothing drawn, or in this very frame
+    const took = now - this.begun;
+    this.begun = 0;
+    if (took > this.long) this.until = now + Math.min(took, this.longest);
+  },
+
+  tick(now) {
+    this.frame(now);
+    requestAnimationFrame((next) => this.tick(next));
+  },
+};
+breath.tick(performance.now());
+
 viewer.render = function () {
+  const now = performance.now();
+  if (now < breath.until) return; // it stays due
+  breath.begun = now;
   MeshCat.Viewer.prototype.render.call(this);
   quality.drawn();
 };

@@ -29,6 +29,7 @@ class Files:
         heading("Keep the settings")
         with ui.element("div").classes("line"):
             button("TOML", "tune", "Write what is tuned as studio.toml", self._toml)
+            button("Load", "folder_open", "Tune as the folder's studio.toml says", self._load)
             button("URDF", "precision_manufacturing", "Write the arm as arm.urdf", self._urdf)
         heading("Folder")
         ui.label(str(self._studio.out)).classes("path")
@@ -56,6 +57,10 @@ class Files:
 
     def _toml(self) -> None:
         self._write(self._studio.save_settings)
+
+    def _load(self) -> None:
+        if self._tab.attempt(self._studio.load_settings):
+            ui.notify("Tuned as studio.toml says", type="positive")
 
     def _urdf(self) -> None:
         self._write(self._studio.save_urdf)

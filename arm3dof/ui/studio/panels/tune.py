@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,7 @@ from arm3dof.control.tuning import Gains, tune_gains
 from arm3dof.errors import ArmError
 from arm3dof.model.servos import SERVOS
 from arm3dof.runtime.live import commands as cmd
+from arm3dof.runtime.live.tuned import Tuned
 from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.ui.studio.fields import (
     CONTROL_FIELDS,
@@ -37,10 +38,10 @@ class Tune:
             tab: the tab.
         """
         self._tab, self._studio = tab, tab.studio
-        self._shown: tuple[object, ...] = ()
+        self._shown: Tuned | None = None
         self._quiet = True
         self._sliders: dict[str, ui.slider] = {}
-        self._wanted: tuple[dict[str, float], str] | None = None
+        self._wanted: tuple[Mapping[str, float], str] | None = None
         self._building = False
         heading("Controller")
         with ui.element("div").classes("line"):
@@ -73,19 +74,19 @@ class Tune:
     def refresh(self) -> None:
         """Show what is tuned now, whoever changed it."""
         studio = self._studio
-        now = (studio.control, studio.overrides, studio.servo)
-        if all(a is b for a, b in zip(now, self._shown, strict=False)) and self._shown:
+        now = studio.tuned
+        if now is self._shown:
             return
         self._shown = now
         self._quiet = True
-        control = studio.control
+        control = studio.tuned.control
         self._controller.set_value(control.controller)
         self._formulation.set_value(control.settings().formulation)
         values = control_values(control)
         for key, made in self._numbers.items():
             made.set_value(values[key])
         self._declared.set_value(bool(control.mpc.get("delay")))
-        self._servo.set_value(studio.servo)
+        self._servo.set_value(studio.tuned.servo)
         if self._part.value is None:
             self._part.set_value(next(iter(parts_of(studio.robot))))
             self._show_part()
@@ -105,7 +106,7 @@ class Tune:
 
     async def _choose(self) -> None:
         name = self._controller.value
-        await self._apply(name, dict(self._studio.control.mpc))
+        await self._apply(name, dict(self._studio.tuned.control.mpc))
 
     async def _apply(self, name: cmd.ControllerName, mpc: dict[str, Any]) -> None:
         """Choose a controller; the gains of PD and PID are found in another process first."""
@@ -116,28 +117,28 @@ class Tune:
             packed = PackedRobot.of(self._studio.robot)
             gains = await run.cpu_bound(_tune, packed, name, dt)
             note.dismiss()
-        self._send(lambda: cmd.Control(name, mpc, self._studio.control.delay, gains))
+        self._send(lambda: cmd.Control(name, mpc, self._studio.tuned.control.delay, gains))
 
     def _send(self, make: Callable[[], cmd.Control]) -> None:
         if not self._tab.ask(make):
-            self._shown = ()  # show again what is in force
+            self._shown = None  # show again what is in force
 
     def _formulate(self) -> None:
-        mpc = {**self._studio.control.mpc, "formulation": self._formulation.value}
+        mpc = {**self._studio.tuned.control.mpc, "formulation": self._formulation.value}
         self._send(lambda: self._with(mpc=mpc))
 
     def _set(self, field: Field, value: float) -> None:
-        self._send(lambda: with_value(self._studio.control, field.key, value))
+        self._send(lambda: with_value(self._studio.tuned.control, field.key, value))
 
     def _declare(self) -> None:
         if self._quiet:
             return
-        control = self._studio.control
+        control = self._studio.tuned.control
         mpc = {**control.mpc, "delay": control.delay if self._declared.value else 0.0}
         self._send(lambda: self._with(mpc=mpc))
 
     def _with(self, **changes: Any) -> cmd.Control:
-        control = self._studio.control
+        control = self._studio.tuned.control
         values = {"mpc": control.mpc, "delay": control.delay, "gains": control.gains, **changes}
         return cmd.Control(control.controller, **values)
 
@@ -152,15 +153,15 @@ class Tune:
             }
 
     async def _override(self, field: Field, value: float) -> None:
-        overrides = self._wanted[0] if self._wanted else self._studio.overrides
-        await self._rebuild({**overrides, field.key: value}, self._studio.servo)
+        overrides = self._wanted[0] if self._wanted else self._studio.tuned.overrides
+        await self._rebuild({**overrides, field.key: value}, self._studio.tuned.servo)
 
     async def _drive(self) -> None:
-        await self._rebuild(self._studio.overrides, str(self._servo.value or ""))
+        await self._rebuild(self._studio.tuned.overrides, str(self._servo.value or ""))
 
-    async def _rebuild(self, overrides: dict[str, float], servo: str) -> None:
+    async def _rebuild(self, overrides: Mapping[str, float], servo: str) -> None:
         if not self._tab.attempt(lambda: None):
-            self._shown = ()
+            self._shown = None
             return
         self._wanted = (overrides, servo)
         if self._building:  # whoever builds will see to it
@@ -172,7 +173,7 @@ class Tune:
                 await run.io_bound(self._studio.rebuild, *wanted)
         except ArmError as error:
             ui.notify(str(error), type="negative", multi_line=True, close_button="Close")
-            self._shown = ()
+            self._shown = None
         finally:
             self._building = False
 

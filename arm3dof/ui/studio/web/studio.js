@@ -46,7 +46,22 @@ const past = {
 // ---- charts ------------------------------------------------------------------------------------
 
 const charts = {
-  paused: false, drawn: 0, span: 10, kept: null, zoomed: false,
+  paused: false, drawn: 0, span: 10, kept: null, due: null, begun: 0, until: 0,
+
+  // Draws what has come, once a frame; where that takes long, the page gets as much time again.
+  tick(now) {
+    if (this.begun && now > this.begun) {
+      const took = now - this.begun;
+      this.begun = 0;
+      if (took > 80) this.until = now + Math.min(took, 500);
+    }
+    if (this.due && now >= this.until) {
+      this.begun = performance.now();
+      this.draw(this.due);
+      this.due = null;
+    }
+    requestAnimationFrame((next) => this.tick(next));
+  },
 
   get(name) { return getElement(facts.charts[name])?.chart; },
   names() { return Object.keys(facts.charts); },
@@ -65,7 +80,7 @@ const charts = {
       const series = facts.joints.map((joint, k) => ({
         id: joint, data: t.map((time, row) => [time, scale * column[from + row][k]]),
       }));
-      if (name === "e") series.push(...this.plan(message));
+      if (facts.planned.includes(name)) series.push(...this.plan(name, message));
       series.push(...this.comparison(name, last));
       const [low, high] = this.range(name, series);
       chart.setOption({
@@ -85,9 +100,10 @@ const charts = {
   },
 
   // What the controller expects, dotted ahead of what has happened.
-  plan(message) {
+  plan(name, message) {
+    const ahead = message[`plan_${name}`];
     return facts.joints.map((joint, k) => ({
-      id: `${joint} plan`, data: message.plan_t.map((t, row) => [t, DEGREE * message.plan_e[row][k]]),
+      id: `${joint} plan`, data: message.plan_t.map((t, row) => [t, scaleOf(name) * ahead[row][k]]),
     }));
   },
 
@@ -137,7 +153,7 @@ function hear(message) {
   const status = byId("status");
   if (status.dataset.tone !== message.tone) status.dataset.tone = message.tone;
   setText(status.querySelector("span"), message.status);
-  charts.draw(message);
+  charts.due = message;
   if (live.messages % 4 === 0) {
     showFacts(message);
     showSeen(message);
@@ -373,5 +389,6 @@ window.studio = {
   if (!(byId("status") && byId("picture") && byId("view"))) { setTimeout(begin, 20); return; }
   listenToClicks();
   setInterval(() => night.look(), 200);
+  charts.tick(performance.now());
   connect(0);
 })();
