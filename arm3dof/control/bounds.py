@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -88,7 +89,7 @@ class Bounds(NamedTuple):
             v: velocities at stage 0, shape (nv,) [rad/s].
         """
         low, high = self.low.copy(), self.high.copy()
-        left = _EXCESS_LEFT ** np.arange(1.0, high.shape[1] + 1)[:, np.newaxis]
+        left = _excess_left(high.shape[1])
         high[VELOCITY] += left * np.maximum(v - high[VELOCITY], 0.0)
         low[VELOCITY] += left * np.minimum(v - low[VELOCITY], 0.0)
         return Bounds.between(low, high, self.price, self.last_torque)
@@ -111,3 +112,9 @@ class Bounds(NamedTuple):
         np.subtract(values, self.high, out=excess[0])
         np.subtract(self.low, values, out=excess[1])
         return excess
+
+
+@lru_cache(maxsize=16)
+def _excess_left(horizon: int) -> Array:
+    """Return the share of an excess of speed that is left at stages 1..N, shape (N, 1)."""
+    return np.asarray(_EXCESS_LEFT ** np.arange(1.0, horizon + 1)[:, np.newaxis])

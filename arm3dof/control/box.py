@@ -52,11 +52,11 @@ def solve_box(
         settings: accuracy and effort.
     """
     start, n = time.perf_counter(), g.size
-    if not math.isfinite(float(H.sum()) + float(g.sum())):
-        return broken(n, n, start)
     guess = _guess(H, g, u, inside)
     if guess.error <= settings.tolerance:
         return QpSolution(guess.x, guess.z, QpStatus.SOLVED, time.perf_counter() - start)
+    if not math.isfinite(float(H.sum()) + float(g.sum())):
+        return broken(n, n, start)
     x, status = solve_by_active_set(H, g, u, settings.tolerance, settings.most_steps)
     if status is QpStatus.ITERATION_LIMIT:
         solution = solve_once(H, g, u, guess.x, guess.z, settings)
@@ -76,6 +76,8 @@ def _guess(H: Array, g: Array, u: Array, inside: NDArray[np.bool_]) -> _Point:
     """
     upper = np.zeros_like(inside)
     first = point = _from_sets(H, g, u, inside, upper)
+    if inside.all() and first.x.min() >= 0.0 and (first.x <= u).all():
+        return first
     for _ in range(_ROUNDS):
         x, z, _ = point
         above, below = x > u, x < 0.0

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
+from collections.abc import Iterable
 from functools import lru_cache
 
 import numpy as np
@@ -84,54 +85,53 @@ class StateEstimator:
             self._readings[self._read] = state.q
             self._read += 1
 
-    def update(self, u: Array, gap: Array, state: JointState) -> Array:
+    def update(self, u: Array, gap: Iterable[float], state: JointState) -> Array:
         """Take in a measurement at the end of a sample.
 
         Args:
             u: expected acceleration since the last measurement, shape (nv,) [rad/s^2].
-            gap: how far the measured position is from where the last one and the mean of the two
-                measured velocities lead, shape (nv,) [rad].
+            gap: how far each measured position is from where the last one and the mean of the two
+                measured velocities lead [rad].
             state: the measurement.
 
         Returns:
             The acceleration beyond ``u`` that is expected to last, shape (nv,) [rad/s^2].
         """
-        dt, readings = self._dt, self._sample(state)
+        # plain numbers, joint by joint: arrays this small cost more than what is done with them
+        dt, readings, pushed = self._dt, self._sample(state), u.tolist()
         if self._given is None:
             if readings is None:
-                self._learn_from_gap(gap, u)
+                self._learn_from_gap(gap, pushed)
             else:
                 self._learn_from_roughness(readings)
-        v = self.v + dt * u
-        if max(self.noise.tolist()) < _NEGLIGIBLE:
+        joints = zip(self.q.tolist(), self.v.tolist(), pushed, strict=True)
+        led = [(q + dt * (v + dt / 2 * a), v + dt * a) for q, v, a in joints]
+        measured = zip(state.q.tolist(), state.v.tolist(), led, strict=True)
+        new = [[q - q_led, v - v_led] for q, v, (q_led, v_led) in measured]
+        rows, table = [0], None
+        if max(self.noise.tolist()) >= _NEGLIGIBLE:
+            telling = new
+            if readings is not None:
+                seen = sensor(dt, len(readings))
+                before = seen.of_state[2:] @ np.column_stack((led, pushed)).T
+                telling = (seen.summary @ readings - before).T.tolist()
+                new = [own + more for own, more in zip(new, telling, strict=True)]
+            table = gains(dt, self._learning, 1 if readings is None else len(readings))
+            rows = self._rows(telling, table)
+        if table is None or not any(rows):  # the first row believes what is measured
             self.q, self.v = state.q, state.v
-            return np.asarray(self._learning / dt * (state.v - v))
-        q = self.q + dt / 2 * (self.v + v)
-        count = 1 if readings is None else len(readings)
-        new = np.empty((2 if readings is None else 4, self._nv))
-        np.subtract(state.q, q, out=new[0])
-        np.subtract(state.v, v, out=new[1])
-        if readings is not None:
-            seen = sensor(dt, count)
-            new[2:] = seen.summary @ readings - seen.of_state[2:] @ np.array([q, v, u])
-        table = gains(dt, self._learning, count)
-        rows = self._rows(new[-2:].tolist(), table)
-        if not any(rows):  # the first row believes what is measured
-            self.q, self.v = state.q, state.v
-            return np.asarray(self._learning / dt * new[1])
-        change = (table.gain.take(rows, axis=0) @ new.T[:, :, np.newaxis])[:, :, 0].T
+            return np.array([self._learning / dt * innovations[1] for innovations in new])
+        change = (table.gain.take(rows, axis=0) @ np.array(new)[:, :, np.newaxis])[:, :, 0].T
+        q, v = np.array(led).T
         self.q, self.v = q + change[0], v + change[1]
         return np.asarray(change[2])
 
-    def _rows(self, new: list[list[float]], table: Gains) -> list[int]:
-        """Return each joint's row of the table, and be surprised by the telling innovations.
-
-        Plain numbers, joint by joint: arrays this small cost more than what is done with them.
-        """
+    def _rows(self, telling: list[list[float]], table: Gains) -> list[int]:
+        """Return each joint's row of the table, and be surprised by the telling innovations."""
         rows, surprises = [], []
         far, fast = self._telling[table.gain.shape[2]]
-        joints = zip(*new, self.noise.tolist(), self._surprise, strict=True)
-        for first, second, noise, surprise in joints:
+        joints = zip(telling, self.noise.tolist(), self._surprise, strict=True)
+        for (first, second), noise, surprise in joints:
             scale = noise / self._dt**2
             row = bisect_left(table.edges, scale / surprise)
             spread, likely = table.telling[row], _SURPRISING * surprise
@@ -170,14 +170,15 @@ class StateEstimator:
         self._variance += (variance - self._variance) / self._weight
         self.noise = np.sqrt(self._variance)
 
-    def _learn_from_gap(self, gap: Array, u: Array) -> None:
+    def _learn_from_gap(self, gap: Iterable[float], u: list[float]) -> None:
         """Learn the noise from how far a position is from where the velocities lead."""
-        fastest = max(map(abs, self.v.tolist()))
-        hardest = max(map(abs, u.tolist()))
+        fastest, hardest = max(map(abs, self.v.tolist())), max(map(abs, u))
         weight = (1.0 + (hardest / _SLOW[0]) ** 2 + (fastest / _SLOW[1]) ** 2) ** -2
         self._weight = _GAP_MEMORY * self._weight + weight
         share = weight / (self._weight + 1.0)  # 1: the belief that there is none, to begin with
-        self._variance = (1 - share) * self._variance + share / self._gap_variance * gap**2
+        per_gap = share / self._gap_variance
+        joints = zip(self._variance.tolist(), gap, strict=True)
+        self._variance = np.array([(1 - share) * known + per_gap * g * g for known, g in joints])
         self.noise = np.sqrt(self._variance)
 
 

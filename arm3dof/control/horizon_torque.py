@@ -31,25 +31,28 @@ class HorizonTorque:
             dt: length of a sample [s].
             horizon: number of samples N.
         """
-        self._model, self._data = robot.model, robot.model.createData()
-        # damping counts from the middle of the sample: D (v + (share - 1/2) dt u)
+        # damping counts from the middle of the sample: D (v + (share - 1/2) dt u), and what it
+        # takes in proportion to u is as if the joint had a rotor
+        rotor = robot.damping * (damping_share(robot, dt) - 0.5) * dt
+        self._believed, self._pool = robot.model, pin.ModelPool(robot.model, 1)
+        self._model = self._pool.getModel(0)  # a copy, which the pool evaluates as it is
+        self._model.armature = robot.model.armature + rotor
+        self._data = self._model.createData()
         self._damping = robot.damping
-        self._damping_inertia = robot.damping * (damping_share(robot, dt) - 0.5) * dt
-        self._every_damping = np.tile(self._damping, (horizon, 1))  # as large: faster to multiply
-        self._every_damping_inertia = np.tile(self._damping_inertia, (horizon, 1))
-        self._damping_slopes = np.stack([np.diag(self._damping), np.diag(self._damping_inertia)])
-        self.refresh()
+        self._every_damping = np.tile(robot.damping, (horizon, 1))  # as large: faster to multiply
+        self._damping_slope = np.diag(robot.damping)
 
     def refresh(self) -> None:
         """Take over the robot's masses as they are now."""
-        self._pool = pin.ModelPool(self._model, 1)
+        own = self._model.inertias
+        for joint, inertia in enumerate(self._believed.inertias):
+            own[joint] = inertia
 
     def evaluate(self, motion: Motion, out: Array) -> None:
         """Write the torques of all stages into ``out``, shape (N, nv) [N m]."""
         _, _, q, v, u = motion
         pin.rneaInParallel(1, self._pool, q.T, v.T, u.T, out.T)  # one call; on this one thread
         out += self._every_damping * v
-        out += self._every_damping_inertia * u
 
     def linearise(self, motion: Motion, stages: NDArray[np.intp]) -> tuple[Array, Array]:
         """Return the torques of some stages, and how they change with the motion there.
@@ -69,6 +72,6 @@ class HorizonTorque:
         for k, at in enumerate(zip(q, v, u, strict=True)):
             slopes[k, 0], slopes[k, 1], slopes[k, 2] = pin.computeRNEADerivatives(model, data, *at)
             tau[k] = data.tau
-        slopes[:, 1:] += self._damping_slopes
-        tau += self._damping * v + self._damping_inertia * u
+        slopes[:, 1] += self._damping_slope
+        tau += self._damping * v
         return tau, slopes.swapaxes(1, 2)

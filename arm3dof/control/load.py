@@ -42,22 +42,22 @@ class LoadEstimator:
         """
         self._nominal = nominal.clone()
         self._unit = nominal.with_payload((nominal.payload.mass if nominal.payload else 0.0) + 1.0)
-        self._parameters = [body.toDynamicParameters() for body in self._nominal.model.inertias]
-        loaded = [body.toDynamicParameters() for body in self._unit.model.inertias]
-        self._load_parameters = [b - a for a, b in zip(self._parameters, loaded, strict=True)]
+        self._parameters = _parameters(self._nominal)
+        self._load_parameters = _parameters(self._unit) - self._parameters
         self._data = self._nominal.model.createData()
         self._unit_data = self._unit.model.createData()
         limits = nominal.limits
         scale = np.where(limits.tau_max > 0, limits.tau_max, 1.0)
-        self._weight = 1.0 / (_TORQUE_NOISE * scale)
-        self._damping = nominal.damping
+        self._weights = (1.0 / (_TORQUE_NOISE * scale)).tolist()
+        self._damping = nominal.damping.tolist()
         per_kilogram = max(float((self._heaviest() / scale).max()), 1e-6)
         self._most_load = 1.0 / per_kilogram
         self._load_prior = (_LOAD_PRIOR * self._most_load) ** -2.0
         self._error_prior = _MASS_ERROR_PRIOR**-2.0
-        self._taught, self._shares = (0.0, 0.0), np.zeros(3)
-        # of the last motion: the torque that a unit load and the nominal masses take, and r
-        self._motion = np.zeros((3, nominal.nv))
+        self._taught = 0.0, 0.0
+        # of the last motion, joint by joint: the torque that a unit load and the nominal masses
+        # take, and r; plain numbers, for arrays this small cost more than what is done with them
+        self._motion = [(0.0, 0.0, 0.0)] * nominal.nv
         self.reset()
 
     def reset(self) -> None:
@@ -65,8 +65,8 @@ class LoadEstimator:
         self.load, self.mass_error = 0.0, 0.0
         self._yy = self._ys = self._ss = self._yr = self._sr = 0.0
 
-    def unexplained(self, q: Array, v: Array, a: Array, tau: Array) -> Array:
-        """Return the torque of a motion that the nominal robot leaves open, shape (nv,) [N m].
+    def unexplained(self, q: Array, v: Array, a: Array, tau: Array) -> list[float]:
+        """Return the torque of a motion that the nominal robot leaves open, joint by joint [N m].
 
         Args:
             q: position in the middle of the motion, shape (nv,) [rad].
@@ -74,22 +74,30 @@ class LoadEstimator:
             a: mean acceleration, shape (nv,) [rad/s^2].
             tau: torque that acted, friction compensation taken off, shape (nv,) [N m].
         """
-        rigid = pin.rnea(self._nominal.model, self._data, q, v, a)
-        per_load = pin.rnea(self._unit.model, self._unit_data, q, v, a) - rigid
-        unexplained = tau - rigid - self._damping * v
-        self._motion = np.array((per_load, rigid, unexplained))
-        return np.asarray(unexplained)
+        nominal = pin.rnea(self._nominal.model, self._data, q, v, a).tolist()
+        loaded = pin.rnea(self._unit.model, self._unit_data, q, v, a).tolist()
+        joints = zip(nominal, loaded, tau.tolist(), self._damping, v.tolist(), strict=True)
+        self._motion = [
+            (unit - rigid, rigid, applied - rigid - damping * speed)
+            for rigid, unit, applied, damping, speed in joints
+        ]
+        return [r for _, _, r in self._motion]
 
     def learn(self) -> None:
         """Learn from the motion that ``unexplained`` was asked about last."""
         # the normal equations of the two unknowns, in noise units; small enough to write out
-        motion = self._motion * self._weight
-        (yy, ys, yr), (_, ss, sr), _ = motion.dot(motion.T).tolist()
-        self._yy = _FORGET * self._yy + yy
-        self._ys = _FORGET * self._ys + ys
-        self._ss = _FORGET * self._ss + ss
-        self._yr = _FORGET * self._yr + yr
-        self._sr = _FORGET * self._sr + sr
+        self._yy *= _FORGET
+        self._ys *= _FORGET
+        self._ss *= _FORGET
+        self._yr *= _FORGET
+        self._sr *= _FORGET
+        for (y, s, r), weight in zip(self._motion, self._weights, strict=True):
+            y, s, r = weight * y, weight * s, weight * r
+            self._yy += y * y
+            self._ys += y * s
+            self._ss += s * s
+            self._yr += y * r
+            self._sr += s * r
         yy, ss = self._yy + self._load_prior, self._ss + self._error_prior
         determinant = yy * ss - self._ys * self._ys
         load = (ss * self._yr - self._ys * self._sr) / determinant
@@ -97,9 +105,10 @@ class LoadEstimator:
         self.load = min(max(load, 0.0), self._most_load)
         self.mass_error = min(max(error, _MASS_ERROR_RANGE[0]), _MASS_ERROR_RANGE[1])
 
-    def explained(self) -> Array:
-        """Return the torque of the last motion that load and mass error explain, (nv,) [N m]."""
-        return np.asarray(self._shares @ self._motion)
+    def explained(self) -> list[float]:
+        """Return the torque of the last motion that load and mass error explain [N m]."""
+        load, error = self._taught
+        return [load * y + error * s for y, s, _ in self._motion]
 
     def teach(self, robot: Robot) -> bool:
         """Give what was learned to a robot that belongs to the controller alone.
@@ -111,12 +120,11 @@ class LoadEstimator:
         near = abs(new[0] - load) < _SAME * self._most_load and abs(new[1] - error) < _SAME
         if near and new != (0.0, 0.0):
             return False
-        self._taught, self._shares = new, np.array((*new, 0.0))
-        rows = zip(self._parameters, self._load_parameters, strict=True)
-        for joint, (own, extra) in enumerate(rows):
-            if joint > 0:  # joint 0 is the world
-                parameters = (1 + self.mass_error) * own + self.load * extra
-                robot.model.inertias[joint] = pin.Inertia.FromDynamicParameters(parameters)
+        self._taught = new
+        bodies = (1 + self.mass_error) * self._parameters + self.load * self._load_parameters
+        inertias = robot.model.inertias
+        for joint in range(1, len(bodies)):  # joint 0 is the world
+            inertias[joint] = pin.Inertia.FromDynamicParameters(bodies[joint])
         return True
 
     def _heaviest(self) -> Array:
@@ -125,3 +133,8 @@ class LoadEstimator:
         poses = [self._nominal.random_configuration(rng) for _ in range(64)]
         extra = [self._unit.gravity(q) - self._nominal.gravity(q) for q in poses]
         return np.asarray(np.abs(extra).max(axis=0))
+
+
+def _parameters(robot: Robot) -> Array:
+    """Return the inertial parameters of all bodies, in which dynamics is linear, (bodies, 10)."""
+    return np.array([body.toDynamicParameters() for body in robot.model.inertias])

@@ -54,8 +54,7 @@ class Observer:
         """
         self._robot, self._dt, self._gain = robot, dt, gain
         limits = robot.limits
-        self._q_min, self._q_max, self._tau_max = limits.q_min, limits.q_max, limits.tau_max
-        self._tau_min = -limits.tau_max
+        self._tau_max = limits.tau_max.tolist()
         self._range = list(zip(limits.q_min.tolist(), limits.q_max.tolist(), strict=True))
         self._absurd = (_MOST_UNEXPLAINED * limits.tau_max).tolist()
         self._whole = int(delay / dt + 1e-9)
@@ -88,9 +87,12 @@ class Observer:
         self.jumped = True
         if last is not None:
             half = self._dt / 2
-            gap = state.q - last.q - half * (last.v + state.v)
-            self.jumped = False
-            if any(abs(way) > _JUMP for way in gap.tolist()):
+            moves = zip(
+                *(part.tolist() for part in (last.q, last.v, state.q, state.v)), strict=True
+            )
+            gap = [q - q_last - half * (v_last + v) for q_last, v_last, q, v in moves]
+            self.jumped = any(abs(way) > _JUMP for way in gap)
+            if self.jumped:
                 most = _JUMP + _JUMP_NOISE * self.filter.noise + half * np.abs(state.v - last.v)
                 self.jumped = bool((np.abs(gap) > most).any())
         if self.jumped or self._known < len(self._commands):
@@ -138,23 +140,26 @@ class Observer:
 
     def _learn(self, q: Array, v: Array, acceleration: Array, torque: Array) -> bool:
         unexplained = self.estimator.unexplained(q, v, acceleration, torque)
-        if any(abs(r) > most for r, most in zip(unexplained.tolist(), self._absurd, strict=True)):
+        if any(abs(r) > most for r, most in zip(unexplained, self._absurd, strict=True)):
             self.jumped = True  # no load or push does this: the measurements do not belong together
             return False
         explained = self.estimator.explained()
-        surprise = unexplained - explained + self.disturbance
+        torques = zip(unexplained, explained, self.disturbance.tolist(), strict=True)
+        surprise = [r - known + disturbance for r, known, disturbance in torques]
         if self._leans(q, acceleration, surprise):
             taught = False
         else:
             self.estimator.learn()
             taught = self.estimator.teach(self._robot)
-        learned = self.disturbance - self._gain * surprise
-        if taught:  # what load and masses explain now is no longer a disturbance, and the reverse
-            learned += self.estimator.explained() - explained
-        self.disturbance = np.minimum(np.maximum(learned, self._tau_min), self._tau_max)
+        # what load and masses explain from now on is no longer a disturbance, and the reverse
+        new = self.estimator.explained() if taught else explained
+        changes = zip(self.disturbance.tolist(), surprise, explained, new, strict=True)
+        learned = [known - self._gain * more + (b - a) for known, more, a, b in changes]
+        limits = zip(learned, self._tau_max, strict=True)
+        self.disturbance = np.array([min(max(d, -most), most) for d, most in limits])
         return taught
 
-    def _leans(self, q: Array, acceleration: Array, surprise: Array) -> bool:
+    def _leans(self, q: Array, acceleration: Array, surprise: list[float]) -> bool:
         """Whether a joint leans on its end stop; if so, forget what the stop does to it.
 
         A stop holds against whatever torque there is. Taken for a disturbance, it would be pushed
@@ -165,11 +170,15 @@ class Observer:
         joints = zip(q.tolist(), self._range, strict=True)
         if all(low + near < at < high - near for at, (low, high) in joints):
             return False
-        end = np.where(q >= self._q_max - near, 1.0, 0.0) - (q <= self._q_min + near)
-        holds_there = end * self.disturbance  # below zero: cancelling it presses the joint on
-        stays = end * surprise < np.minimum(_STAYED * holds_there, 0.0)
-        given_up = (end * acceleration < 0) & (holds_there < 0) & stays
-        self.disturbance = np.where(given_up, _GIVEN_UP * self.disturbance, self.disturbance)
-        held = end * surprise > 0
-        surprise[held] = 0.0
-        return bool(held.any())
+        leans = False
+        disturbance = self.disturbance.tolist()
+        for joint, (at, (low, high)) in enumerate(zip(q.tolist(), self._range, strict=True)):
+            end = (at >= high - near) - (at <= low + near)
+            missing = -end * surprise[joint]  # torque on the way away from the stop
+            pressing = -end * disturbance[joint]  # what cancelling the disturbance presses with
+            if end * acceleration[joint] < 0 and pressing > 0 and missing > _STAYED * pressing:
+                disturbance[joint] *= _GIVEN_UP
+            if missing < 0:
+                surprise[joint], leans = 0.0, True
+        self.disturbance = np.array(disturbance)
+        return leans

@@ -128,8 +128,10 @@ class TrackingProgram:
         at = (which < torques).nonzero()[0]
         if at.size:
             stage, joint = np.divmod(which[at], self._q.size)
-            stages, place = np.unique(stage, return_inverse=True)
-            torque, by_motion = shared.torque.linearise(motion, stages)
+            asked = np.zeros(len(motion.u), dtype=np.bool_)
+            asked[stage] = True
+            place = (asked.cumsum() - 1)[stage]
+            torque, by_motion = shared.torque.linearise(motion, asked.nonzero()[0])
             by_decision = shared.to_middle[stage] @ by_motion[place, joint]
             slopes[at] = by_decision.reshape(at.size, -1)
             values[at] = (torque - self._disturbance)[place, joint]
