@@ -4,15 +4,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from arm3dof.control import solver
 from arm3dof.control.horizon_torque import HorizonTorque
 from arm3dof.control.motion import MotionMap
 from arm3dof.control.mpc import MpcController
 from arm3dof.control.qp import QpStatus
 from arm3dof.control.reference import JointTrajectory, sample_target
 from arm3dof.control.settings import MpcSettings
+from arm3dof.control.step import ControlStatus
 from arm3dof.control.tracking import TrackingFormulation
 from arm3dof.model.library import load_robot
 from arm3dof.model.uncertainty import perturbed
+from arm3dof.sim.pinocchio_plant import PinocchioPlant
 from arm3dof.state import JointState
 
 
@@ -120,3 +123,30 @@ def test_a_reference_that_stands_still_is_a_constant_target():
     controller = MpcController(robot)
     one, other = (controller.optimise(state, aim) for aim in (target, still))
     np.testing.assert_allclose(one.program.w_free, other.program.w_free, atol=1e-8)
+
+
+def test_a_slowing_arm_keeps_its_limits_with_one_dual_a_step(monkeypatch):
+    robot, count = load_robot("arm3dof"), 0
+    dual = solver.solve_box
+
+    def counted(*args):
+        nonlocal count
+        count += 1
+        return dual(*args)
+
+    controller, plant = MpcController(robot), PinocchioPlant(robot, 0.005)
+    rng = np.random.default_rng(0)
+    _, _, start, target = (robot.random_configuration(rng) for _ in range(4))
+    state = plant.reset(JointState(0.0, start, np.zeros(3)))
+    step = controller.step(state, target)  # follows the optimum from rest, in many duals
+    monkeypatch.setattr(solver, "solve_box", counted)
+    duals = []
+    for _ in range(15):
+        for _ in range(10):
+            state = plant.step(step.tau)
+        count = 0
+        step = controller.step(state, target)
+        assert step.status is ControlStatus.SOLVED
+        duals.append(count)
+    assert max(duals) == 1
+    assert sum(duals) > 10

@@ -76,10 +76,10 @@ def _guess(H: Array, g: Array, u: Array, inside: NDArray[np.bool_]) -> _Point:
     """
     upper = np.zeros_like(inside)
     first = point = _from_sets(H, g, u, inside, upper)
-    if inside.all() and first.x.min() >= 0.0 and (first.x <= u).all():
-        return first
     for _ in range(_ROUNDS):
         x, z, _ = point
+        if x.min() >= 0.0 and z.max() <= 0.0 and (x <= u).all() and not upper.any():
+            return point  # the usual case, said shortly
         above, below = x > u, x < 0.0
         new_upper = np.where(inside, above, upper & (z >= 0.0))
         new_inside = np.where(inside, ~(above | below), np.where(upper, z < 0.0, z > 0.0))

@@ -16,6 +16,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Iterable
 from functools import lru_cache
+from operator import mul
 
 import numpy as np
 
@@ -42,7 +43,6 @@ class StateEstimator:
     Attributes:
         q: estimated positions, shape (nv,) [rad].
         v: estimated velocities, shape (nv,) [rad/s].
-        noise: believed standard deviation of a measured position, shape (nv,) [rad].
     """
 
     def __init__(self, nv: int, dt: float, learning: float, noise: float | None) -> None:
@@ -61,10 +61,15 @@ class StateEstimator:
         self._gap_variance = 2.0 + (VELOCITY_NOISE * dt) ** 2 / 2  # of noise of variance 1
         self.reset()
 
+    @property
+    def noise(self) -> Array:
+        """Believed standard deviation of a measured position, shape (nv,) [rad]."""
+        return np.array(self._noise)
+
     def reset(self) -> None:
         """Forget the past."""
-        self.noise = np.full(self._nv, self._given or 0.0)
-        self._variance, self._weight = np.zeros(self._nv), 0.0
+        self._noise = [self._given or 0.0] * self._nv
+        self._variance, self._weight = [0.0] * self._nv, 0.0
         self.restart(JointState(0.0, np.zeros(self._nv), np.zeros(self._nv)))
 
     def restart(self, state: JointState) -> None:
@@ -98,39 +103,48 @@ class StateEstimator:
             The acceleration beyond ``u`` that is expected to last, shape (nv,) [rad/s^2].
         """
         # plain numbers, joint by joint: arrays this small cost more than what is done with them
-        dt, readings, pushed = self._dt, self._sample(state), u.tolist()
+        dt, half, readings, pushed = self._dt, self._dt / 2, self._sample(state), u.tolist()
         if self._given is None:
             if readings is None:
                 self._learn_from_gap(gap, pushed)
             else:
                 self._learn_from_roughness(readings)
-        joints = zip(self.q.tolist(), self.v.tolist(), pushed, strict=True)
-        led = [(q + dt * (v + dt / 2 * a), v + dt * a) for q, v, a in joints]
-        measured = zip(state.q.tolist(), state.v.tolist(), led, strict=True)
-        new = [[q - q_led, v - v_led] for q, v, (q_led, v_led) in measured]
-        rows, table = [0], None
-        if max(self.noise.tolist()) >= _NEGLIGIBLE:
-            telling = new
-            if readings is not None:
-                seen = sensor(dt, len(readings))
-                before = seen.of_state[2:] @ np.column_stack((led, pushed)).T
-                telling = (seen.summary @ readings - before).T.tolist()
-                new = [own + more for own, more in zip(new, telling, strict=True)]
-            table = gains(dt, self._learning, 1 if readings is None else len(readings))
-            rows = self._rows(telling, table)
-        if table is None or not any(rows):  # the first row believes what is measured
+        led, new = [], []
+        before = zip(self.q.tolist(), self.v.tolist(), pushed, strict=True)
+        now = zip(state.q.tolist(), state.v.tolist(), strict=True)
+        for (q, v, a), (q_now, v_now) in zip(before, now, strict=True):
+            v_led = v + dt * a
+            q_led = q + half * (v + v_led)
+            led.append((q_led, v_led))
+            new.append((q_now - q_led, v_now - v_led))
+        if max(self._noise) < _NEGLIGIBLE:
             self.q, self.v = state.q, state.v
-            return np.array([self._learning / dt * innovations[1] for innovations in new])
-        change = (table.gain.take(rows, axis=0) @ np.array(new)[:, :, np.newaxis])[:, :, 0].T
-        q, v = np.array(led).T
-        self.q, self.v = q + change[0], v + change[1]
-        return np.asarray(change[2])
+            return np.array([self._learning / dt * faster for _, faster in new])
+        telling, count = new, 1
+        if readings is not None:
+            count = len(readings)
+            seen = sensor(dt, count)
+            expected = seen.of_state[2:] @ np.column_stack((led, pushed)).T
+            telling = (seen.summary @ readings - expected).T.tolist()
+            new = [(*own, *more) for own, more in zip(new, telling, strict=True)]
+        table = gains(dt, self._learning, count)
+        rows = self._rows(telling, table)
+        estimates = [
+            (q + _dot(to_q, e), v + _dot(to_v, e), _dot(to_lasting, e))
+            for (q, v), e, (to_q, to_v, to_lasting) in zip(
+                led, new, map(table.gain.__getitem__, rows), strict=True
+            )
+        ]
+        q, v, lasting = np.array(list(zip(*estimates, strict=True)))
+        # the first row believes what is measured
+        self.q, self.v = (q, v) if any(rows) else (state.q, state.v)
+        return np.asarray(lasting)
 
-    def _rows(self, telling: list[list[float]], table: Gains) -> list[int]:
+    def _rows(self, telling: Iterable[tuple[float, float]], table: Gains) -> list[int]:
         """Return each joint's row of the table, and be surprised by the telling innovations."""
         rows, surprises = [], []
-        far, fast = self._telling[table.gain.shape[2]]
-        joints = zip(telling, self.noise.tolist(), self._surprise, strict=True)
+        far, fast = self._telling[len(table.gain[0][0])]
+        joints = zip(telling, self._noise, self._surprise, strict=True)
         for (first, second), noise, surprise in joints:
             scale = noise / self._dt**2
             row = bisect_left(table.edges, scale / surprise)
@@ -164,11 +178,12 @@ class StateEstimator:
         """Learn the noise from how far readings are from a smooth curve through them."""
         rough = _roughness(len(readings)) @ (readings - readings[-1])
         variance = np.einsum("ij,ij->j", rough, rough) / (len(readings) - _SMOOTH)
+        known = np.array(self._variance)
         if self._weight > 0:  # a blow within the sample is rough as well, but only once
-            variance = np.minimum(variance, _GROWTH * self._variance + _NEGLIGIBLE**2)
+            variance = np.minimum(variance, _GROWTH * known + _NEGLIGIBLE**2)
         self._weight = _ROUGHNESS_MEMORY * self._weight + 1.0
-        self._variance += (variance - self._variance) / self._weight
-        self.noise = np.sqrt(self._variance)
+        self._variance = (known + (variance - known) / self._weight).tolist()
+        self._noise = list(map(math.sqrt, self._variance))
 
     def _learn_from_gap(self, gap: Iterable[float], u: list[float]) -> None:
         """Learn the noise from how far a position is from where the velocities lead."""
@@ -176,10 +191,14 @@ class StateEstimator:
         weight = (1.0 + (hardest / _SLOW[0]) ** 2 + (fastest / _SLOW[1]) ** 2) ** -2
         self._weight = _GAP_MEMORY * self._weight + weight
         share = weight / (self._weight + 1.0)  # 1: the belief that there is none, to begin with
-        per_gap = share / self._gap_variance
-        joints = zip(self._variance.tolist(), gap, strict=True)
-        self._variance = np.array([(1 - share) * known + per_gap * g * g for known, g in joints])
-        self.noise = np.sqrt(self._variance)
+        kept, per_gap = 1 - share, share / self._gap_variance
+        joints = zip(self._variance, gap, strict=True)
+        self._variance = [kept * known + per_gap * g * g for known, g in joints]
+        self._noise = list(map(math.sqrt, self._variance))
+
+
+def _dot(one: Iterable[float], other: Iterable[float]) -> float:
+    return float(sum(map(mul, one, other)))
 
 
 @lru_cache(maxsize=16)

@@ -54,12 +54,12 @@ class Gains(NamedTuple):
 
     Attributes:
         edges: ratio from which on each row but the first is taken; one less than rows.
-        gain: of the innovations on [q, v, d], shape (rows, 3, m).
+        gain: of the innovations on [q, v, d], rows of 3 by m.
         telling: standard deviations of the last two innovations at s = 1, a pair a row.
     """
 
     edges: list[float]
-    gain: Array
+    gain: list[list[list[float]]]
     telling: list[list[float]]
 
 
@@ -112,7 +112,7 @@ def gains(dt: float, learning: float, count: int) -> Gains:
         gain.append((P @ look.T @ np.linalg.inv(S))[[0, 1, 3]])
         spread.append(np.sqrt(S.diagonal()))
     edges = 2.0 ** (octaves - 0.5 / _PER_OCTAVE)
-    return Gains(edges.tolist(), np.array(gain), np.array(spread)[:, -2:].tolist())
+    return Gains(edges.tolist(), np.array(gain).tolist(), np.array(spread)[:, -2:].tolist())
 
 
 def _lasting_covariance(A: Array, C: Array, Q: Array, R: Array) -> Array:

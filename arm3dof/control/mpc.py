@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
+from math import isfinite, isnan
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from arm3dof.control.formulation import Formulation
 from arm3dof.control.observer import Observer
 from arm3dof.control.optimum import Optimum
 from arm3dof.control.paper import PaperFormulation
+from arm3dof.control.program import Program
 from arm3dof.control.qp import QpStatus
 from arm3dof.control.reference import Reference, Target, sample_target
 from arm3dof.control.settings import MpcSettings
@@ -71,7 +72,7 @@ class MpcController:
             _MOST_OVERSPEED * robot.limits.v_max,
         )
         self._believable = np.stack(believable, axis=1).tolist()  # a row for each joint
-        self._torque_range = -tau_max, tau_max
+        self._tau_max = tau_max.tolist()
         self._v_max = robot.limits.v_max.tolist()
         self._most_change = self._torque_change()
         self._tau: Array | None = None
@@ -110,7 +111,7 @@ class MpcController:
         if self.observer.measure(state):
             self._formulation.reset()  # the masses that its torque rows hold are out of date
         state = self.observer.predict(state.t)
-        if not np.isfinite(reference.q).all():
+        if not _is_finite(reference.q):
             return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)
         reference = self._within_reach(reference, state)
         if self._target_jumped(reference) or self.observer.jumped:
@@ -221,14 +222,15 @@ class MpcController:
             optimum = self._solver.solve(program, bounds)
             if optimum.status is not QpStatus.SOLVED:
                 break
-            plan = self._plan(state, optimum)
+            plan = self._plan(state, program, optimum)
             u = plan.u
         return optimum, plan
 
-    def _plan(self, state: JointState, optimum: Optimum) -> Plan:
+    def _plan(self, state: JointState, program: Program, optimum: Optimum) -> Plan:
         q, v = stages = np.empty((2, self.settings.horizon + 1, state.q.size))
-        stages[0, 0], stages[1, 0], stages[:, 1:] = state.q, state.v, optimum.states
-        return Plan((v[1:] - v[:-1]) / self.dt, q, v)
+        q[0], v[0], stages[:, 1:] = state.q, state.v, optimum.states
+        u = program.accelerations(optimum.w)
+        return Plan((v[1:] - v[:-1]) / self.dt if u is None else u, q, v)
 
     def _is_plausible(self, state: JointState) -> bool:
         joints = zip(state.q.tolist(), state.v.tolist(), self._believable, strict=True)
@@ -267,17 +269,26 @@ class MpcController:
     def _finish(
         self, answer: Answer, reference: Reference, status: ControlStatus, start: float
     ) -> ControlStep:
-        low, high = self._torque_range
-        finite = all(map(math.isfinite, answer.tau.tolist()))
-        tau = answer.tau if finite else np.nan_to_num(answer.tau)
-        tau = np.minimum(np.maximum(tau, low), high)
-        against_friction = 0.0 if answer.tau is answer.rigid else answer.tau - answer.rigid
-        self.observer.command(answer.plan.u[0], tau - against_friction)
+        wished = zip(answer.tau.tolist(), self._tau_max, strict=True)
+        tau = np.array([0.0 if isnan(t) else min(max(t, -most), most) for t, most in wished])
+        if answer.tau is answer.rigid:
+            self.observer.command(answer.plan.u[0], tau)
+        else:
+            self.observer.command(answer.plan.u[0], tau - (answer.tau - answer.rigid))
         self._tau = tau
-        rows = len(answer.plan.q)
-        target = reference.q if len(reference.q) == 1 else reference.q[:rows]
-        plan = np.concatenate([target - answer.plan.q, answer.plan.v], axis=1)
+        _, q, v = answer.plan
+        plan = np.empty((len(q), 2 * tau.size))
+        target = reference.q if len(reference.q) == 1 else reference.q[: len(q)]
+        np.subtract(target, q, out=plan[:, : tau.size])
+        plan[:, tau.size :] = v
         u = np.array(answer.u)
         for array in (tau, u, plan):
             array.flags.writeable = False
         return ControlStep(tau, u, plan, status, answer.source, time.perf_counter() - start)
+
+
+def _is_finite(values: Array) -> bool:
+    """Whether all numbers are finite; faster than numpy for the one row of a constant target."""
+    return all(map(isfinite, values[0].tolist())) and (
+        len(values) == 1 or bool(np.isfinite(values).all())
+    )

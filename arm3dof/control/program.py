@@ -51,6 +51,12 @@ class Program(Protocol):
             Slopes (k, n) and offsets (k,).
         """
 
+    def accelerations(self, w: Array) -> Array | None:
+        """Return the accelerations of stages 0..N-1 if they are what is decided, shape (N, nv).
+
+        ``None`` says that they have to be read from the velocities.
+        """
+
     def gentler(self, share: float) -> Program:
         """Return the program of a gentler motion from the same place: a share of it in all.
 
@@ -110,6 +116,10 @@ class LinearProgram:
     def tangents(self, which: NDArray[np.intp], w: Array) -> tuple[Array, Array]:
         """See ``Program.tangents``: every value is its own tangent."""
         return self._slopes[which], self._offsets.ravel()[which]
+
+    def accelerations(self, w: Array) -> Array | None:
+        """See ``Program.accelerations``."""
+        return None
 
     def gentler(self, share: float) -> Program:
         """Return itself: what is linear needs no gentle start."""

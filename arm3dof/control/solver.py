@@ -18,6 +18,7 @@ continuation, Allgower and Georg 1990).
 from __future__ import annotations
 
 import time
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,25 @@ _LEAST_SHARE = 1 / 40
 
 _LEAST_TORQUE = 1e-9  # [N m]: a limit of zero, for the purpose of relative errors
 
-_NONE = np.zeros(0, dtype=np.intp)
+
+class Likely(NamedTuple):
+    """Limits that are tried first.
+
+    Attributes:
+        limits: their places in ``Bounds.sides``, shape (k,).
+        pushing: which of them are expected to push with less than their price, shape (k,).
+    """
+
+    limits: NDArray[np.intp]
+    pushing: NDArray[np.bool_]
+
+    @staticmethod
+    def all_of(limits: NDArray[np.intp]) -> Likely:
+        """Return limits that are all expected to push."""
+        return Likely(limits, np.ones(limits.size, dtype=np.bool_))
+
+
+_NONE = Likely.all_of(np.zeros(0, dtype=np.intp))
 
 
 class ProgramSolver:
@@ -69,16 +88,27 @@ class ProgramSolver:
         self._likely = _NONE
 
     def advance(self, horizon: int, nv: int) -> None:
-        """Move what is remembered one stage ahead, to the next control step."""
-        limits = self._likely
+        """Move what is remembered one stage ahead, to the next control step.
+
+        What pushed at a stage is expected to push one stage earlier now; but it may also have
+        stayed where it was.
+        """
+        limits = self._likely.limits
         if limits.size:
             stage = limits // nv % horizon
-            last = limits[stage == horizon - 1]
-            self._likely = np.concatenate((limits[stage > 0] - nv, last))
+            is_last = stage == horizon - 1
+            moved = np.concatenate((limits[stage > 0] - nv, limits[is_last]))
+            known = set(moved.tolist())
+            stayed = [limit for limit in limits.tolist() if limit not in known]
+            if moved.size and stayed:
+                pushing = np.arange(moved.size + len(stayed)) < moved.size
+                self._likely = Likely(np.concatenate((moved, stayed)), pushing)
+            else:
+                self._likely = Likely.all_of(moved)
 
     def solve(self, program: Program, bounds: Bounds) -> Optimum:
         """Return the optimum of a program."""
-        if program.start is None or not self._likely.size:
+        if program.start is None or not self._likely.limits.size:
             values = limited(program, bounds, program.w_free)
             kept = (values <= bounds.most) & (values >= bounds.least)
             if kept.all():
@@ -91,7 +121,7 @@ class ProgramSolver:
             errors = _TORQUE_ERROR, _MOST_TANGENTS
             optimum = self._retouch(program, bounds, program.start, self._likely, *errors)
         solved = optimum.status is QpStatus.SOLVED
-        self._likely = optimum.working.limits[optimum.pushing] if solved else _NONE
+        self._likely = _pushing(optimum) if solved else _NONE
         return optimum
 
     def _continue(self, program: Program, bounds: Bounds) -> Optimum:
@@ -104,7 +134,7 @@ class ProgramSolver:
             optimum = self._touch(program.gentler(trial), bounds.cheaper(trial), start, likely)
             if optimum.status is QpStatus.SOLVED:
                 share, w = trial, optimum.w
-                likely = optimum.working.limits[optimum.pushing]
+                likely = _pushing(optimum)
             elif step > _LEAST_SHARE:
                 step /= 2
             else:
@@ -116,7 +146,7 @@ class ProgramSolver:
         program: Program,
         bounds: Bounds,
         w: Array,
-        likely: NDArray[np.intp],
+        likely: Likely,
         torque_error: float,
         most: int,
     ) -> Optimum:
@@ -128,27 +158,22 @@ class ProgramSolver:
                 return solved or optimum
             if optimum.torque_error <= torque_error:
                 return optimum
-            solved, w, likely = optimum, optimum.w, optimum.working.limits[optimum.pushing]
+            solved, w, likely = optimum, optimum.w, _pushing(optimum)
         return optimum
 
-    def _touch(
-        self, program: Program, bounds: Bounds, w: Array, likely: NDArray[np.intp]
-    ) -> Optimum:
+    def _touch(self, program: Program, bounds: Bounds, w: Array, likely: Likely) -> Optimum:
         """Solve the program with tangents at w; add the limits that are broken until none is."""
         tolerance = _tolerance(program, bounds)
-        new = likely
-        if not new.size:
+        if not likely.limits.size:
             excess = bounds.excess(limited(program, bounds, w))
-            new = (excess > tolerance).ravel().nonzero()[0]
-        working = WorkingSet.of(program, bounds, new, w)
-        z = np.ones(new.size)
+            likely = Likely.all_of((excess > tolerance).ravel().nonzero()[0])
+        limits, inside = likely
+        working = WorkingSet.of(program, bounds, limits, w)
         most = self._work + _MOST_WORK_AT_ONCE if program.start is None else _MOST_WORK
         for attempt in range(_MOST_ROUNDS):
             if not self._affords(working.b.size / w.size, most):
                 values = limited(program, bounds, program.w_free)
                 return _without_limits(program, bounds, values, QpStatus.ITERATION_LIMIT)
-            inside = np.ones(working.b.size, dtype=np.bool_)
-            inside[: z.size] = z > 0.0
             w, z, status = self._solve_dual(program, working, inside)
             values = limited(program, bounds, w)
             excess = bounds.excess(values)
@@ -160,6 +185,7 @@ class ProgramSolver:
             if status is not QpStatus.SOLVED or not new.size:
                 break
             working = working.joined(WorkingSet.of(program, bounds, new, w))
+            inside = np.concatenate((z > 0.0, np.ones(new.size, dtype=np.bool_)))
         else:
             status = QpStatus.ITERATION_LIMIT
         soft = slice(POSITION, VELOCITY + 1)
@@ -209,6 +235,10 @@ class ProgramSolver:
         return program.w_free - z @ through, z, solution.status
 
 
+def _pushing(optimum: Optimum) -> Likely:
+    return Likely.all_of(optimum.working.limits[optimum.pushing])
+
+
 def _tolerance(program: Program, bounds: Bounds) -> Array:
     """Return the excess up to which a limit counts as kept; any, where no decision matters."""
     if program.fixed is None:
@@ -252,14 +282,17 @@ def _replace_by_tangents(
         return 0.0
     count, sides, flat = values.size, bounds.sides[limits], excess.ravel()
     by_tangents, which = C @ w - b, limits % count
-    apart = np.abs(flat[limits] - by_tangents) / np.maximum(np.abs(sides), _LEAST_TORQUE)
+    exact, is_torque = flat[limits], which < values[TORQUE].size
     flat[limits] = by_tangents
     values.ravel()[which] = np.where(limits < count, 1.0, -1.0) * (by_tangents + sides)
-    return float(apart[which < values[TORQUE].size].max(initial=0.0))
+    if not is_torque.any():
+        return 0.0
+    apart = np.abs(exact - by_tangents) / np.maximum(np.abs(sides), _LEAST_TORQUE)
+    return float(apart[is_torque].max())
 
 
 def _without_limits(program: Program, bounds: Bounds, values: Array, status: QpStatus) -> Optimum:
     """Return the minimiser without limits as an optimum in which no limit was considered."""
     w, none = program.w_free, np.zeros(0)
-    working = WorkingSet(_NONE, np.zeros((0, w.size)), none, none)
+    working = WorkingSet(_NONE.limits, np.zeros((0, w.size)), none, none)
     return Optimum(w, values, status, False, working, none, 0.0, program, bounds)

@@ -41,6 +41,7 @@ class TrackingFormulation:
         torque: from motion to torque.
         slopes: derivative of positions and velocities at stages 1..N by w, shape (2 N nv, n).
         fixed: which values no decision reaches, shape (3, N, nv); ``None`` if there is none.
+        block_of_stage: picks each stage's decisions out of those of all blocks.
         to_middle: derivative of q_middle, v_middle and u of a joint by its own decisions,
             shape (N, decisions a joint, 3).
     """
@@ -52,7 +53,9 @@ class TrackingFormulation:
         self.weights = Weights(settings, nv)
         self._blocks = block_of_stage(settings)
         first = np.flatnonzero(np.diff(self._blocks, prepend=-1))
-        self._first_stages = slice(None) if first.size == horizon else first
+        free = first.size == horizon
+        self._first_stages = slice(None) if free else first
+        self.block_of_stage = slice(None) if free else self._blocks
         prediction = condense(discretise(double_integrator(nv), settings), horizon)
         cost = quadratic_cost(prediction, self.weights.Q, self.weights.R, self.weights.P)
         half = blocked(cost.H, self._blocks, nv)
@@ -136,6 +139,10 @@ class TrackingProgram:
             slopes[at] = by_decision.reshape(at.size, -1)
             values[at] = (torque - self._disturbance)[place, joint]
         return slopes, values - slopes @ w
+
+    def accelerations(self, w: Array) -> Array | None:
+        """See ``Program.accelerations``."""
+        return w.reshape(-1, self._q.size)[self._formulation.block_of_stage]
 
     def gentler(self, share: float) -> TrackingProgram:
         """See ``Program.gentler``: w_free is linear in speed and way, so it shrinks with them."""
