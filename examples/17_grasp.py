@@ -1,6 +1,6 @@
 """Grasp one of three objects, lift it and put it down: pixels in, torques out, in MuJoCo.
 
-Run it with ``python examples/15_grasp.py [SEED]``; it needs the extra ``physics``.
+Run it with ``python examples/17_grasp.py [SEED]``; it needs the extra ``physics``.
 """
 
 import sys

@@ -1,6 +1,6 @@
 """Sort nine objects of three colours into three bins, until the table is empty, in MuJoCo.
 
-Run it with ``python examples/16_sort.py [SEED]``; it needs the extra ``physics`` and about half a
+Run it with ``python examples/18_sort.py [SEED]``; it needs the extra ``physics`` and about half a
 minute.
 """
 
