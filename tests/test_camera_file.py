@@ -5,10 +5,10 @@ from arm3dof.config.camera_file import (
     load_camera,
     parse_camera,
     presets,
-    render_camera,
     save_camera,
     update_camera,
 )
+from arm3dof.config.camera_text import render_camera
 from arm3dof.config.toml_edit import set_keys
 from arm3dof.errors import InputError, MissingFile
 from arm3dof.vision.camera import Camera, Doubt, intrinsics, look_at

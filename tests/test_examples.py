@@ -1,5 +1,6 @@
 """Every example runs, without a warning, and stays small enough to read at once."""
 
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -25,11 +26,21 @@ def marked(path):
 
 
 @pytest.mark.parametrize("path", [marked(path) for path in EXAMPLES])
-def test_example(path, tmp_path):
+def test_example(path, tmp_path, monkeypatch, capfd):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 80
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [str(path)])
+    runpy.run_path(str(path), run_name="__main__")  # warnings are errors
+    out, err = capfd.readouterr()
+    assert out
+    assert not err
+
+
+def test_an_example_runs_as_a_program(tmp_path):
     run = subprocess.run(
-        [sys.executable, "-W", "error", str(path)], cwd=tmp_path, capture_output=True, text=True
+        [sys.executable, "-W", "error", str(EXAMPLES[0])],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
     )
-    assert run.returncode == 0, run.stderr
-    assert run.stdout
-    assert not run.stderr
+    assert (run.returncode, run.stderr) == (0, "")

@@ -6,9 +6,7 @@ Everything in the file is in metres and pixels; hues are in OpenCV's half degree
 
 from __future__ import annotations
 
-import json
 import math
-import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -19,6 +17,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from arm3dof.config.camera_text import (
+    BARE_KEY,
+    camera_tables,
+    render_camera,
+    target_table,
+    toml_key,
+)
 from arm3dof.config.explain import explain
 from arm3dof.config.toml_edit import set_keys
 from arm3dof.errors import InputError, MissingFile
@@ -31,8 +36,6 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]
 Hsv = tuple[int, int, int]
-
-_BARE = "[A-Za-z0-9_-]+"  # a TOML key without quotes
 
 
 class CameraFile(NamedTuple):
@@ -83,7 +86,7 @@ class _Target(_Table):
 class _File(_Table):
     intrinsics: _Intrinsics
     pose: _Pose
-    targets: dict[Annotated[str, Field(pattern=f"^{_BARE}$")], _Target] = {}
+    targets: dict[Annotated[str, Field(pattern=f"^{BARE_KEY}$")], _Target] = {}
 
 
 def presets() -> tuple[str, ...]:
@@ -192,11 +195,11 @@ def update_camera(
         targets=before.targets | ({} if target is None else {target.name: target}),
     )
     if camera is not None:
-        inner, pose = _camera_tables(camera)
+        inner, pose = camera_tables(camera)
         text = set_keys(text, "intrinsics", inner, drop=set(_Intrinsics.model_fields) - set(inner))
         text = set_keys(text, "pose", pose, drop=set(_Pose.model_fields) - set(pose))
     if target is not None:
-        text = set_keys(text, f"targets.{_key(target.name)}", _target_table(target))
+        text = set_keys(text, f"targets.{toml_key(target.name)}", target_table(target))
     after = parse_camera(text, str(path))
     if after.targets != wanted.targets or not _alike(after.camera, wanted.camera):
         raise InputError(
@@ -230,68 +233,6 @@ def _text_to_change(source: str | Path) -> tuple[str, Path]:
 
 def _preset(name: str) -> str:
     return (resources.files("arm3dof.config") / "cameras" / f"{name}.toml").read_text("utf-8")
-
-
-def render_camera(
-    camera: Camera, targets: Mapping[str, ColourTarget] | Iterable[ColourTarget] = ()
-) -> str:
-    """Return the text of a CAMERA.toml."""
-    inner, pose = _camera_tables(camera)
-    named = targets.values() if isinstance(targets, Mapping) else targets
-    tables = {"intrinsics": inner, "pose": pose} | {
-        f"targets.{_key(target.name)}": _target_table(target) for target in named
-    }
-    parts = (
-        "\n".join([f"[{name}]", *(f"{key} = {value}" for key, value in table.items())])
-        for name, table in tables.items()
-    )
-    return "\n\n".join(parts) + "\n"
-
-
-def _camera_tables(camera: Camera) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the keys of [intrinsics] and [pose], as TOML writes their values."""
-    matrix, pose, doubt = camera.camera_matrix, camera.transform_base_camera, camera.doubt
-    if matrix[0, 1] != 0:
-        raise InputError(
-            f"the camera's pixels are skewed ({matrix[0, 1]}), which a CAMERA.toml cannot say; "
-            "give a camera_matrix without skew"
-        )
-    inner = {
-        "width": str(camera.width),
-        "height": str(camera.height),
-        "fx": repr(float(matrix[0, 0])),
-        "fy": repr(float(matrix[1, 1])),
-        "cx": repr(float(matrix[0, 2])),
-        "cy": repr(float(matrix[1, 2])),
-        "distortion": str(camera.distortion.tolist()),
-    }
-    if camera.gamma is not None:
-        inner["gamma"] = repr(float(camera.gamma))
-    inner |= _said(focal_sigma_px=doubt.focal_px, centre_sigma_px=doubt.centre_px)
-    rows = "".join(f"    {row},\n" for row in pose[:3, :3].tolist())
-    placed = {"position_m": str(pose[:3, 3].tolist()), "rotation": f"[\n{rows}]"}
-    degrees = round(math.degrees(doubt.rotation_rad), 9)
-    return inner, placed | _said(position_sigma_m=doubt.position_m, rotation_sigma_deg=degrees)
-
-
-def _said(**sigmas: float) -> dict[str, str]:
-    """Return the deviations that are not 0."""
-    return {name: repr(float(value)) for name, value in sigmas.items() if value != 0}
-
-
-def _target_table(target: ColourTarget) -> dict[str, str]:
-    return {
-        "hsv_low": str(list(target.hsv.low)),
-        "hsv_high": str(list(target.hsv.high)),
-        "width_m": repr(float(target.width_m)),
-        "shape": f'"{target.shape}"',
-        "width_sigma_m": repr(float(target.width_sigma_m)),
-    }
-
-
-def _key(name: str) -> str:
-    """Write a TOML key, in quotes where it must be."""
-    return name if re.fullmatch(_BARE, name) else json.dumps(name)
 
 
 def _camera(name: str, file: _File) -> Camera:
