@@ -13,7 +13,7 @@ from arm3dof.ui.run_frames import run_frames, save_stills
 from arm3dof.ui.video import write_mp4
 
 robot = arm3dof.load_robot("arm3dof")
-recording = simulate(robot, np.zeros(3), np.deg2rad([28.1, 67.8, 53.8]), duration=1.5)
+recording = simulate(robot, np.zeros(3), np.deg2rad([28.1, 67.8, 53.8]), duration=1.0)
 folder = Path(tempfile.mkdtemp(prefix="arm3dof-"))
 
 files = [write_report(recording, folder / "report.html"), *save_stills(recording, folder)]

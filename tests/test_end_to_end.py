@@ -154,6 +154,7 @@ def test_demo(demo):
     assert np.ptp(recording.gripper) > 0.01
 
 
+@pytest.mark.slow
 def test_the_camera_is_filmed(demo):
     code, _, folder = demo("--seed", "1", "--target", "red", "--mp4")
     assert code == 0

@@ -196,7 +196,7 @@ def inertials(robot):
 def test_drawn_errors_stay_inside_their_bounds_and_differ(arm):
     rng = np.random.default_rng(8)
     ratios, shifts = [], []
-    for _ in range(200):
+    for _ in range(80):
         wrong = perturbed(arm, 30, rng=rng)
         for true, model in zip(inertials(wrong), inertials(arm), strict=True):
             ratios.append(true.mass / model.mass)
@@ -206,7 +206,7 @@ def test_drawn_errors_stay_inside_their_bounds_and_differ(arm):
     for drawn in (ratios, shifts):
         assert 0.7 <= min(drawn) < 0.72
         assert 1.28 < max(drawn) <= 1.3
-        assert np.mean(drawn) == pytest.approx(1.0, abs=0.02)
+        assert np.mean(drawn) == pytest.approx(1.0, abs=0.03)
     assert np.std(ratios) == pytest.approx(0.3 / np.sqrt(3), rel=0.1)
 
 

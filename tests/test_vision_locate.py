@@ -149,7 +149,7 @@ def test_an_outline_of_few_points_still_has_an_extent():
 
 def test_a_card_is_placed_by_the_paper_s_formula():
     rng = np.random.default_rng(3)
-    for _ in range(40):
+    for _ in range(15):
         width_m, depth = rng.uniform(0.02, 0.05), rng.uniform(0.15, 0.6)
         pose = look_at(rng.uniform(-0.3, 0.3, 3), rng.uniform(-0.3, 0.3, 3))
         camera = Camera.pinhole(640, 480, F, pose)

@@ -64,7 +64,7 @@ class Fit(NamedTuple):
         return -np.asarray(np.linalg.solve(normal, weighted.T), dtype=np.float64)
 
 
-def fit(solid: Solid, state: Array, points: Array, pixel: float) -> Fit:
+def fit(solid: Solid, state: Array, points: Array, pixel: float, steps: int = _STEPS) -> Fit:
     """Move a solid until its silhouette is the measured outline.
 
     Args:
@@ -72,9 +72,10 @@ def fit(solid: Solid, state: Array, points: Array, pixel: float) -> Fit:
         state: where to begin, shape (m,).
         points: the outline, (x, y) at depth 1, shape (n, 2).
         pixel: the size of a pixel in them, 1 / focal length.
+        steps: after so many it is left where it is.
     """
     found = compare(solid, state, points, pixel)
-    for _ in range(_STEPS):
+    for _ in range(steps):
         # far from the goal every point may be far off, and none is stray yet
         doubt = max(_DOUBT_PX, 2 * float(np.median(np.abs(found.off_px))))
         step, loss = found.gain(doubt) @ found.off_px, found.loss(doubt)

@@ -33,7 +33,9 @@ _HEIGHTS = (0.005, 0.5)  # [m]
 _UNLIKE = 0.2
 _FLAT = 0.2  # what is flatter than this share of its width is a part of something higher
 _TURNS = (0.0, math.pi / 8, math.pi / 4, math.pi * 3 / 8)  # of a box that are tried [rad]
-_TRIED, _FAR_PX = 2, 10.0  # so many are followed, those that look best from afar
+_TRIED, _FAR_PX = 3, 10.0  # so many are followed, those that look best from afar
+_FEW, _COARSE = 60, 7  # points, and steps, that tell the shape
+_HOPELESS = 0.8  # a loss that all points would not mend
 _LIKE_ENOUGH = 0.1  # a loss that another shape would hardly better
 _BOX = 0.8  # width of a box over that which it looks to have
 
@@ -74,6 +76,22 @@ class Standing:
         return float(np.hypot(self.x - x, self.y - y))
 
 
+def guess(target: str, outline: ArrayLike, camera: Camera, table_height: float) -> Standing | None:
+    """Say in no time roughly where on the table a thing would have to stand, and how large it is.
+
+    Args:
+        target: name of the target.
+        outline: points (u, v) of it, shape (n, 2) [px].
+        camera: the camera.
+        table_height: of the table in the base frame [m].
+
+    Returns:
+        A thing, ``hidden``; None when no line of sight to it meets the table.
+    """
+    start = _first_guess(camera.rays(outline), camera, table_height)
+    return None if start is None else _guessed(target, start)
+
+
 def stand(target: str, outline: ArrayLike, camera: Camera, table_height: float) -> Standing | None:
     """Stand what has an outline on the table.
 
@@ -105,7 +123,9 @@ def stand(target: str, outline: ArrayLike, camera: Camera, table_height: float) 
         across(kind, best.state),
         height,
         (noise + light)[:2, :2] + doubt + SHAPE_SIGMA_M**2 * np.eye(2),
-        is_partial(best, points, pixel) or best.loss() > _UNLIKE or height < _FLAT * best.state[2],
+        is_partial(best, points, pixel)
+        or best.loss() > _UNLIKE
+        or height < _FLAT * float(best.state[2]),
     )
 
 
@@ -153,17 +173,25 @@ def _best(
 ) -> tuple[str, Fit]:
     """Return the shape whose silhouette is most like the outline; the first that is like enough.
 
-    A bottle whose neck is not seen beyond its belly is a cylinder by its outline.
+    A bottle whose neck is not seen beyond its belly is a cylinder by its outline. A few of the
+    points tell which shape it is, or that it is none; all of them tell where it stands.
     """
+    few = points[:: max(len(points) // _FEW, 1)]
     found: list[tuple[str, Fit]] = []
     for kind in KINDS:
         solid = upright(kind, camera, table_height)
-        compared = [silhouette.compare(solid, it, points, pixel) for it in _starts(kind, start)]
+        compared = [silhouette.compare(solid, it, few, pixel) for it in _starts(kind, start)]
         for begin in sorted(compared, key=lambda it: it.loss(_FAR_PX))[:_TRIED]:
-            found.append((kind, silhouette.fit(solid, begin.state, points, pixel)))
+            found.append((kind, silhouette.fit(solid, begin.state, few, pixel, _COARSE)))
             if found[-1][1].loss() < _LIKE_ENOUGH:
-                return found[-1]
-    return min(found, key=lambda it: it[1].loss())
+                break
+        if found[-1][1].loss() < _LIKE_ENOUGH:
+            break
+    kind, coarse = min(found, key=lambda it: it[1].loss())
+    solid = upright(kind, camera, table_height)
+    if coarse.loss() > _HOPELESS:
+        return kind, silhouette.compare(solid, coarse.state, points, pixel)
+    return kind, silhouette.fit(solid, coarse.state, points, pixel)
 
 
 def _starts(kind: str, start: Array) -> list[Array]:

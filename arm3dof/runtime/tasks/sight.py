@@ -16,13 +16,14 @@ from arm3dof.vision.colour import Blob, ColourTarget
 from arm3dof.vision.locate import Located, Refused, View, patches
 from arm3dof.vision.outline import trace
 from arm3dof.vision.placing import Refusal
-from arm3dof.vision.standing import SHAPE_SIGMA_M, Standing, stand
+from arm3dof.vision.standing import SHAPE_SIGMA_M, Standing, guess, stand
 
 Image = NDArray[np.uint8]
 
 _REACH = (0.09, 0.34)  # distance from the base's axis at which things may stand [m]
 _WIDTHS = (0.012, 0.075)  # [m]
 _HEIGHTS = (0.010, 0.110)  # [m]
+_ROUGHLY = 0.02  # by how much a guess may err [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +65,14 @@ def look_at_table(
     refused: list[Refused] = []
     for blob, target in found:
         outline = trace(picture, blob, camera.gamma)
-        thing = None if outline is None else stand(target.name, outline, camera, table_height)
-        if outline is None or thing is None or not _is_a_thing(thing):
+        if outline is None:
+            continue
+        where = target.name, outline, camera, table_height
+        rough = guess(*where)
+        if rough is None or not _is_a_thing(rough, _ROUGHLY):
+            continue
+        thing = stand(*where)
+        if thing is None or not _is_a_thing(thing):
             continue
         if blob.touches_border:
             thing = replace(thing, hidden=True)
@@ -101,12 +108,14 @@ def _as_located(
     )
 
 
-def _is_a_thing(thing: Standing) -> bool:
-    return (
-        _REACH[0] <= thing.distance_to(0.0, 0.0) <= _REACH[1]
-        and _WIDTHS[0] <= thing.width_m <= _WIDTHS[1]
-        and _HEIGHTS[0] <= thing.height_m <= _HEIGHTS[1]
+def _is_a_thing(thing: Standing, slack: float = 0.0) -> bool:
+    """Whether a thing is where things stand, and of their size, but for a slack [m]."""
+    spans = (
+        (thing.distance_to(0.0, 0.0), _REACH),
+        (thing.width_m, _WIDTHS),
+        (thing.height_m, _HEIGHTS),
     )
+    return all(low - slack <= value <= high + slack for value, (low, high) in spans)
 
 
 class SimulatedEye:
