@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -89,12 +90,8 @@ def studio(
 
     With --json the object is printed when the page is ready.
     """
-    try:
-        from arm3dof.ui.studio.site import build_site
-    except ImportError as error:
-        if error.name and error.name.partition(".")[0] in ("nicegui", "fastapi"):
-            raise MissingExtra("the studio", "studio") from None
-        raise
+    if find_spec("nicegui") is None:
+        raise MissingExtra("the studio", "studio")
     from arm3dof.ui.server import LocalServer, check_entry
     from arm3dof.ui.studio.start import home
     from arm3dof.ui.studio.studio import Studio
@@ -113,6 +110,8 @@ def studio(
 
     live = Studio(tuned, arm, home(arm), eye, folder, file_store())
     try:
+        from arm3dof.ui.studio.site import build_site  # a second, in which arm and eye start
+
         serve = partial(LocalServer, build_site(live), host=host, token=token)
         serve_until_interrupted(serve, port, browser=browser, announce=announce)
     finally:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -36,7 +34,6 @@ from arm3dof.vision.sources import frames
 
 RATE = 24.0
 """Pictures that are aimed at [1/s]."""
-_NICE = 5  # the eye goes after the arm and the page, where the system lets it
 
 
 @dataclass(frozen=True)
@@ -102,8 +99,6 @@ def _look(
     pipe: Connection,
 ) -> None:
     """Be the eye's process."""
-    with contextlib.suppress(OSError, AttributeError):
-        os.nice(_NICE)
     try:
         source = spec.open(robot, ring)
         eye = Watcher(source.take, spec.camera, spec.watch)

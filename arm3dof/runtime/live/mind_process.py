@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 from collections.abc import Callable
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -13,7 +11,6 @@ from arm3dof.runtime.live.child import Child, received
 from arm3dof.runtime.live.mind import Decision, Errand, Moment, Thinker, Thought
 from arm3dof.runtime.tasks.machine import Phase
 
-_NICE = 10  # it may take its time: the arm holds still meanwhile
 _GONE = "what plans tasks has ended; start the program again"
 
 
@@ -63,8 +60,6 @@ class MindProcess(Child):
 
 def _think(line: Connection, pipe: Connection) -> None:
     """Be the mind's process."""
-    with contextlib.suppress(OSError, AttributeError):
-        os.nice(_NICE)
     thinker = Thinker()
     thought: Thought | None = None
     while True:

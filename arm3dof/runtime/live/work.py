@@ -23,8 +23,9 @@ from arm3dof.sim.world import World
 from arm3dof.state import Array, JointState
 
 PHASES = tuple(Phase)
-PATIENCE = 20.0
-"""How long a decision may take [s]; one takes 0.3 s, but a mind that just starts takes longer."""
+PATIENCE = 30.0
+"""How long a decision or a picture may take [s]. They take 0.3 and 0.04 s, but what decides may
+just be starting, and all of it on a machine that has other things to do."""
 _BELIEVED_MASS = 0.02  # of a thing [kg]
 _LONGEST = {"grasp": 60.0, "sort": 240.0}  # [s]
 
@@ -32,8 +33,9 @@ _LONGEST = {"grasp": 60.0, "sort": 240.0}  # [s]
 class Work:
     """A task that the arm is carrying out.
 
-    The task has a clock of its own, which stands still while a decision takes longer than a
-    control step: so a way that is planned for now still begins now when it comes.
+    The task has a clock of its own. It stands still while a decision takes longer than a control
+    step, so that a way that is planned for now still begins now when it comes; and while a picture
+    is awaited, so that a slow camera makes the task wait and not give up.
 
     Attributes:
         phase: what is being done.
@@ -59,6 +61,7 @@ class Work:
         self._why = ""
         self._asked: float | None = None
         self._behind = 0.0  # the task's clock, behind the arm's [s]
+        self._looks_since: float | None = None
         mind.begin(errand)
 
     @property
@@ -90,19 +93,29 @@ class Work:
         try:
             self._take(state, plant)
             if self._asked is None and not self.phase.is_final:
-                self._asked = state.t
-                self._mind.tell(self._moment(state, plant, sight))
-                self._take(state, plant)
+                self._ask(state, plant, sight)
         except ArmError as error:
             self._fail(str(error))
         return self.controller.step(state, self._way)
 
-    def _moment(self, state: JointState, plant: LivePlant, sight: Sight | None) -> Moment:
-        late = self._behind
-        if sight is not None:
-            sight = replace(sight, taken_at=sight.taken_at - late)
+    def _ask(self, state: JointState, plant: LivePlant, sight: Sight | None) -> None:
+        """Ask for the next decision; where pictures decide, only with a new one."""
+        new = None
+        now = JointState(state.t - self._behind, state.q, state.v)
+        if self.phase is Phase.LOOK:
+            if self._looks_since is None:
+                self._looks_since = state.t
+            elif sight is None or sight.taken_at <= self._looks_since:
+                self._behind += self.dt
+                if state.t - self._looks_since > PATIENCE:
+                    self._fail(f"no picture came within {PATIENCE:g} s")
+                return
+            else:
+                self._looks_since, new = sight.taken_at, replace(sight, taken_at=now.t)
         hand = Hand(plant.gripper.opening, plant.gripper.moving)
-        return Moment(JointState(state.t - late, state.q, state.v), hand, sight)
+        self._asked = state.t
+        self._mind.tell(Moment(now, hand, new))
+        self._take(state, plant)
 
     def _take(self, state: JointState, plant: LivePlant) -> None:
         """Do what was decided, if that has come."""
@@ -119,6 +132,8 @@ class Work:
         self._follow(decision, plant)
 
     def _follow(self, decision: Decision, plant: LivePlant) -> None:
+        if self.phase is not Phase.LOOK:
+            self._looks_since = None  # the next look begins when it begins
         self.phase, self._why = decision.phase, decision.why
         if decision.payload != self.payload:
             self.payload = decision.payload

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,35 @@ from arm3dof.model.robot import Robot
 from arm3dof.model.tree import link_of_frame
 from arm3dof.model.urdf import Urdf, read_urdf
 from arm3dof.runtime.live import commands as cmd
-from arm3dof.ui.studio.widgets import Field
+
+
+@dataclass(frozen=True)
+class Field:
+    """A number that a person may choose.
+
+    Attributes:
+        key: its name in the code.
+        label: its name on the page.
+        unit: its unit; empty for a pure number.
+        low: least value.
+        high: greatest value.
+        step: distance of neighbouring values.
+        tip: what it does.
+    """
+
+    key: str
+    label: str
+    unit: str
+    low: float
+    high: float
+    step: float
+    tip: str
+
+    @property
+    def tooltip(self) -> str:
+        """Return what the pointer shows: the effect, then the unit."""
+        return f"{self.tip} [{self.unit}]" if self.unit else self.tip
+
 
 CONTROLLER_NAMES = {
     "mpc": "MPC",

@@ -44,6 +44,7 @@ def build_site(studio: Studio) -> FastAPI:
     """
     for name, level in _LOUDEST.items():
         logging.getLogger(name).setLevel(level)
+    logging.getLogger("nicegui").addFilter(_is_news)
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     for route in studio.routes():
         app.router.routes.append(route)
@@ -68,6 +69,11 @@ def build_site(studio: Studio) -> FastAPI:
         show_welcome_message=False,
     )
     return app
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Return whether a message is worth a line; what is left when all ends is not."""
+    return "Could not cancel" not in record.getMessage()
 
 
 def _bear_stalls() -> None:

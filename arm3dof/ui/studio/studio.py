@@ -312,9 +312,9 @@ class Studio:
             self.learned = message
         else:
             self.sight = message
-            self.live.send(feed.PICTURE + message.jpeg)
-            if message.mask:
+            if message.mask:  # before its picture, with which it is shown or hidden
                 self.live.send(feed.MASK + message.mask)
+            self.live.send(feed.PICTURE + message.jpeg)
 
     def _lost(self) -> None:
         try:

@@ -3,38 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from nicegui import ui
 
-
-@dataclass(frozen=True)
-class Field:
-    """A number that a person may choose.
-
-    Attributes:
-        key: its name in the code.
-        label: its name on the page.
-        unit: its unit; empty for a pure number.
-        low: least value.
-        high: greatest value.
-        step: distance of neighbouring values.
-        tip: what it does.
-    """
-
-    key: str
-    label: str
-    unit: str
-    low: float
-    high: float
-    step: float
-    tip: str
-
-    @property
-    def tooltip(self) -> str:
-        """Return what the pointer shows: the effect, then the unit."""
-        return f"{self.tip} [{self.unit}]" if self.unit else self.tip
+from arm3dof.ui.studio.fields import Field
 
 
 def button(
@@ -71,14 +44,14 @@ def slider(field: Field, value: float, on_release: Callable[[float], Any]) -> ui
         value: the value at first.
         on_release: called with the value that was chosen.
     """
-    with ui.element("label").classes("field").props(f'title="{field.tooltip}"') as row:
+    props = f'title="{field.tooltip}" data-key="{field.key}"'
+    with ui.element("label").classes("field").props(props):
         ui.html(f"<span>{field.label}</span>", sanitize=False)
         made = ui.slider(min=field.low, max=field.high, step=field.step, value=value)
         made.props(f'label-always=false aria-label="{field.label}"')
         shown = ui.label().classes("value")
         shown.bind_text_from(made, "value", lambda x: _text(x, field))
     made.on("change", lambda: on_release(float(made.value)))
-    row.mark(field.key)
     return made
 
 

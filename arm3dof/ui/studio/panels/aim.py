@@ -11,8 +11,9 @@ from arm3dof.model.kinematics import inverse_kinematics
 from arm3dof.model.reach import Reach
 from arm3dof.runtime.live import commands as cmd
 from arm3dof.state import Array
+from arm3dof.ui.studio.fields import Field
 from arm3dof.ui.studio.tab import Tab
-from arm3dof.ui.studio.widgets import Field, button, heading, slider
+from arm3dof.ui.studio.widgets import button, heading, slider
 
 
 class Aim:

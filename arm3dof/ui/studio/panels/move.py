@@ -7,8 +7,9 @@ from functools import partial
 from nicegui import ui
 
 from arm3dof.runtime.live import commands as cmd
+from arm3dof.ui.studio.fields import Field
 from arm3dof.ui.studio.tab import Tab
-from arm3dof.ui.studio.widgets import Field, button, heading, slider
+from arm3dof.ui.studio.widgets import button, heading, slider
 
 _PUSH = Field("push", "Strength", "N m", 0.1, 3.0, 0.1, "How hard the button pushes a joint")
 _LOAD = Field(

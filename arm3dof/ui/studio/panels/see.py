@@ -9,8 +9,9 @@ from typing import Any, get_args
 from nicegui import events, ui
 
 from arm3dof.runtime.live.eye import Learned, Pick, Watch
+from arm3dof.ui.studio.fields import Field
 from arm3dof.ui.studio.tab import Tab
-from arm3dof.ui.studio.widgets import Field, button, heading, slider
+from arm3dof.ui.studio.widgets import button, heading, slider
 from arm3dof.vision.colour import ColourTarget, HsvRange, Shape
 
 _LIGHT = Field("light", "Light", "×", 0.3, 2.0, 0.05, "Brightness of the simulated lamp; 1 is day")

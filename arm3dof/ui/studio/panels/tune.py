@@ -18,6 +18,7 @@ from arm3dof.ui.studio.fields import (
     CONTROL_FIELDS,
     CONTROLLER_NAMES,
     FORMULATIONS,
+    Field,
     arm_values,
     control_values,
     part_fields,
@@ -25,7 +26,7 @@ from arm3dof.ui.studio.fields import (
     with_value,
 )
 from arm3dof.ui.studio.tab import Tab
-from arm3dof.ui.studio.widgets import Field, button, heading, slider
+from arm3dof.ui.studio.widgets import button, heading, slider
 
 
 class Tune:

@@ -260,7 +260,7 @@ async function show(canvas, bytes) {
   bitmap.close();
 }
 
-let masked = 0; // when the last mask came
+let masked = false; // whether a mask came with the picture that comes next
 const decoder = new TextDecoder();
 function receive(event) {
   const bytes = new Uint8Array(event.data);
@@ -271,9 +271,10 @@ function receive(event) {
   else if (kind === "P") {
     live.pictures += 1;
     show(byId("picture"), rest);
-    if (byId("mask")) byId("mask").hidden = performance.now() - masked > 1000;
+    if (byId("mask")) byId("mask").hidden = !masked;
+    masked = false;
   } else if (kind === "M") {
-    masked = performance.now();
+    masked = true;
     if (byId("mask")) show(byId("mask"), rest);
   }
 }
