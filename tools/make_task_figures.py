@@ -31,6 +31,11 @@ PLACES = {
 }  # fmt: skip
 WIDE, HIGH = 2.6, 1.5
 BOX = (0.62, 0.22)
+BENDS = {
+    (Phase.DECIDE, Phase.LOOK): 0.35,
+    (Phase.RETURN, Phase.LOOK): -0.8,
+    (Phase.LIFT, Phase.LOWER): -0.55,
+}
 
 
 def main() -> None:
@@ -47,7 +52,7 @@ def main() -> None:
 def draw_states() -> plt.Figure:
     """Draw the table of transitions: the good way in blue, what goes wrong in orange."""
     figure, axes = plt.subplots(figsize=(11, 6.4), layout="constrained")
-    axes.set(xlim=(-1.7, 4 * WIDE + 0.9), ylim=(-0.55, 3 * HIGH + 0.45))
+    axes.set(xlim=(-1.7, 4 * WIDE + 1.4), ylim=(-0.55, 3 * HIGH + 0.45))
     axes.axis("off")
     for phase, row in TRANSITIONS.items():
         targets: dict[Phase, list[Event]] = {}
@@ -73,10 +78,9 @@ def draw_states() -> plt.Figure:
 def arrow(axes: plt.Axes, source: Phase, target: Phase, events: list[Event]) -> None:
     """Draw one arrow with the names of its events."""
     start, end = np.array(place(source)), np.array(place(target))
-    bad = target in (Phase.RECOVER, Phase.FAILED) or events[0] in (Event.LOOK_AGAIN,)
+    bad = target in (Phase.RECOVER, Phase.FAILED) or events[0] in (Event.LOOK_AGAIN, Event.NO_WAY)
     colour = ORANGE if bad else BLUE
-    back = source in (Phase.DECIDE,) and target is Phase.LOOK
-    bend = 0.35 if back else (-0.8 if (source, target) == (Phase.RETURN, Phase.LOOK) else 0.0)
+    bend = BENDS.get((source, target), 0.0)
     axes.add_patch(
         FancyArrowPatch(
             start, end, arrowstyle="-|>", mutation_scale=14, color=colour, linewidth=1.3,
