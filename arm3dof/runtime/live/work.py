@@ -33,8 +33,8 @@ _LONGEST = {"grasp": 60.0, "sort": 240.0}  # [s]
 class Work:
     """A task that the arm is carrying out.
 
-    The task has a clock of its own. It stands still while a decision takes longer than a control
-    step, so that a way that is planned for now still begins now when it comes; and while a picture
+    The task has a clock of its own. It stands still while a way is planned for longer than a
+    control step, so that the way still begins now when it comes; and while a picture
     is awaited, so that a slow camera makes the task wait and not give up.
 
     Attributes:
@@ -128,7 +128,8 @@ class Work:
                 self._fail(f"no decision came within {PATIENCE:g} s")
             return
         self._asked = None
-        self._behind += max(took - self.dt, 0.0)
+        if decision.target is not None:  # a way that was planned, and begins now
+            self._behind += max(took - self.dt, 0.0)
         self._follow(decision, plant)
 
     def _follow(self, decision: Decision, plant: LivePlant) -> None:
