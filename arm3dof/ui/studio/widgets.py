@@ -51,7 +51,8 @@ def slider(field: Field, value: float, on_release: Callable[[float], Any]) -> ui
         made.props(f'label-always=false aria-label="{field.label}"')
         shown = ui.label().classes("value")
         shown.bind_text_from(made, "value", lambda x: _text(x, field))
-    made.on("change", lambda: on_release(float(made.value)))
+    # the event's own number: the slider's value comes throttled, and may still be an older one
+    made.on("change", lambda event: on_release(float(event.args)))
     return made
 
 
