@@ -39,6 +39,7 @@ nitpick_ignore_regex = [
     # type variables
     ("py:.*", r"arm3dof\.runtime\.parallel\.(Task|Result)"),
     ("py:.*", r"arm3dof\.vision\.latest\.Item"),
+    ("py:.*", r"arm3dof\.sim\.plant\.Inner"),
 ]
 
 autodoc_member_order = "bysource"

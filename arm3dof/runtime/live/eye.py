@@ -75,7 +75,7 @@ class Learned(NamedTuple):
     why: str = ""
 
 
-class Sight(NamedTuple):
+class SeenPicture(NamedTuple):
     """One picture and what was seen in it.
 
     Attributes:
@@ -136,11 +136,11 @@ class Watcher:
         """What is looked for."""
         return self._watch.targets
 
-    def see(self) -> Sight:
+    def see(self) -> SeenPicture:
         """Take the next picture and look at it."""
         picture = self._picture = self._take(self._watch)
         view = look(picture, self._camera, self._watch.targets)
-        sight = Sight(self._number, _jpeg(annotate(picture, view)), self._mask(picture), view)
+        sight = SeenPicture(self._number, _jpeg(annotate(picture, view)), self._mask(picture), view)
         self._number += 1
         return sight
 

@@ -16,7 +16,7 @@ from arm3dof.runtime.live.eye import (
     Learned,
     Pick,
     PictureSource,
-    Sight,
+    SeenPicture,
     SourceCamera,
     Watch,
     Watcher,
@@ -26,7 +26,7 @@ from arm3dof.runtime.live.frames import Mode, Ring
 from arm3dof.runtime.live.process import News
 from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.runtime.tasks.sight import look_at_table
-from arm3dof.runtime.tasks.signals import Sight as Known
+from arm3dof.runtime.tasks.signals import Sight
 from arm3dof.sim.scene import Scene
 from arm3dof.sim.world import World
 from arm3dof.vision.camera import Camera
@@ -75,7 +75,7 @@ class EyeProcess(Child):
         spec: EyeSpec,
         robot: PackedRobot,
         ring: Ring,
-        on_message: Callable[[Sight | Learned | News], None],
+        on_message: Callable[[SeenPicture | Learned | News], None],
         sights: Connection | None = None,
     ) -> None:
         """Start the process.
@@ -124,8 +124,8 @@ def _look(
         pass  # the page has gone
 
 
-def _known(eye: Watcher, spec: EyeSpec, t: float) -> Known:
+def _known(eye: Watcher, spec: EyeSpec, t: float) -> Sight:
     """Return what stands on the table in the last picture."""
     height = spec.source.table.height if isinstance(spec.source, World) else 0.0
     seen = look_at_table(eye.picture, spec.camera, eye.watched, height)
-    return Known(seen.things, t)
+    return Sight(seen.things, t)

@@ -19,7 +19,7 @@ from arm3dof.model.gripper import Gripper, find_gripper
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.child import CONTEXT
-from arm3dof.runtime.live.eye import Learned, Pick, Sight, Watch
+from arm3dof.runtime.live.eye import Learned, Pick, SeenPicture, Watch
 from arm3dof.runtime.live.eye_process import EyeProcess, EyeSpec
 from arm3dof.runtime.live.frames import Frames
 from arm3dof.runtime.live.mind_process import MindProcess
@@ -101,7 +101,7 @@ class Studio:
         """
         self.tuned, self.robot, self.out = tuned, robot, out
         self.news: deque[tuple[int, News]] = deque(maxlen=_NEWS_KEPT)
-        self.sight: Sight | None = None
+        self.sight: SeenPicture | None = None
         self.learned: Learned | None = None
         self.watch = eye.watch
         self.chosen = eye.watch.targets[0].name if eye.watch.targets else ""
@@ -305,7 +305,7 @@ class Studio:
         self._numbered += 1
         self.news.append((self._numbered, news))
 
-    def _see(self, message: Sight | Learned | News) -> None:
+    def _see(self, message: SeenPicture | Learned | News) -> None:
         if isinstance(message, News):
             self._hear(message)
         elif isinstance(message, Learned):

@@ -119,6 +119,8 @@ class See:
             made.props(f'aria-label="{name}"').classes(f"range-{name.lower()}")
             text = ui.label().classes("value")
             text.bind_text_from(made, "value", lambda x: f"{x['min']:.0f} – {x['max']:.0f}")
+        # the event's own numbers: the range's value comes throttled, and may be an older one
+        made.on("change", lambda event: made.set_value(event.args))
         made.on("change", self._user(self._change))
         return made
 
