@@ -1,5 +1,7 @@
 """Tasks in the physics world: pixels in, torques out, and a judge that looks at the bodies."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ from arm3dof.runtime.tasks.scenes import three_objects
 from arm3dof.runtime.tasks.sight import SimulatedEye, look_at_table
 from arm3dof.runtime.tasks.simulated import Faults, SimulatedTask, task_camera, task_targets
 from arm3dof.runtime.tasks.sort_trial import SortTrial, random_table
-from arm3dof.sim.world import COLOURS, Body, World
+from arm3dof.sim.world import COLOURS, Body, Shape, World
 from arm3dof.vision.placing import Refusal
 
 ROBOT = load_robot("arm3dof")
@@ -65,6 +67,29 @@ def test_what_is_half_hidden_is_refused_and_kept_clear_of(aside):
     assert [it.target for it in seen.view.located] == ["green"]
     assert [(it.target, it.reason) for it in seen.view.refused] == [("red", Refusal.PARTIAL)]
     assert result.failure.failure is Failure.PARTLY_HIDDEN
+
+
+@pytest.mark.slow
+def test_of_two_of_one_colour_in_one_patch_the_nearer_is_measured():
+    rng, measured = np.random.default_rng(4), 0
+    for _ in range(8):
+        x, y = rng.uniform(0.17, 0.22), rng.uniform(-0.03, 0.03)
+        away, aside = rng.uniform(0.04, 0.06), rng.uniform(-0.5, 0.5)
+        places = (x, y), (x - away * np.cos(aside), y + away * np.sin(aside))
+        bodies = tuple(
+            Body(f"red_{i}", kind, rng.uniform(0.024, 0.03), 0.05, 0.03, COLOURS["red"], *place)
+            for i, (kind, place) in enumerate(
+                zip(rng.choice(get_args(Shape), 2), places, strict=True)
+            )
+        )
+        with SimulatedTask(ROBOT, World(bodies=bodies), task_targets(), rng) as scene:
+            seen = look_at_table(scene.picture(), scene.camera, task_targets(), -0.11)
+        assert len(seen.things) == 2
+        for thing in seen.things:
+            off = min(thing.distance_to(*place) for place in places)
+            assert off < (0.02 if thing.hidden else 0.002)
+        measured += not seen.things[0].hidden
+    assert measured >= 6
 
 
 def test_pictures_are_known_late_and_taken_only_when_wanted():

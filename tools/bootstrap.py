@@ -23,8 +23,11 @@ LIBRARIES = {
     "libgomp.so.1": "libgomp1",
 }
 
-# what MuJoCo draws with where there is no screen: EGL by Mesa, on the processor
-RENDERER = ("libegl1", "libegl-mesa0", "libgl1-mesa-dri", "libopengl0")
+# what MuJoCo draws with where there is no screen, by Mesa on the processor, and what it needs
+RENDERERS = {
+    "egl": "libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0",
+    "osmesa": "libosmesa6",
+}
 
 
 def main(extras):
@@ -42,6 +45,9 @@ def main(extras):
     check_libraries(str(python), "-c", "import pinocchio, proxsuite, cv2")
     if "physics" in extras:
         check_renderer(str(python))
+    if "dev" in extras:  # the tests draw with each
+        for name in RENDERERS:
+            check_renderer(str(python), name)
 
 
 def check_version():
@@ -74,15 +80,19 @@ def check_libraries(*command):
         install(LIBRARIES.get(library, library), f"the library {library} is missing")
 
 
-def check_renderer(python):
-    """Make sure that the physics world can be drawn: by EGL, or by OSMesa."""
+def check_renderer(python, name=None):
+    """Make sure that the physics world can be drawn: by one of RENDERERS, or by any."""
     probe = [python, "-c", "from arm3dof.sim.renderer import backend; backend()"]
+    chosen = {"MUJOCO_GL": name, "PYOPENGL_PLATFORM": ""} if name else {}
     for last in (False, True):
-        done = subprocess.run(probe, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+        done = subprocess.run(
+            probe, stderr=subprocess.PIPE, text=True, cwd=ROOT, env={**os.environ, **chosen}
+        )
         if done.returncode == 0:
             return
         if not last:
-            install(" ".join(RENDERER), "nothing to draw the physics world with")
+            why = f"{name} cannot draw" if name else "nothing draws"
+            install(RENDERERS[name or "egl"], f"{why} the physics world")
     stop(done.stderr.strip().splitlines()[-1].rpartition("Error: ")[2])
 
 

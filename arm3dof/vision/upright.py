@@ -12,8 +12,9 @@ import math
 import numpy as np
 
 from arm3dof.state import Array
+from arm3dof.vision import silhouette
 from arm3dof.vision.camera import Camera
-from arm3dof.vision.silhouette import CIRCLE, Part, Solid
+from arm3dof.vision.silhouette import CIRCLE, Fit, Part, Solid
 
 # of each drum: its share of the width, and where it begins and ends as shares of the height
 _DRUMS = {
@@ -21,6 +22,15 @@ _DRUMS = {
     "bottle": ((1.0, 0.0, 0.7), (0.4, 0.7, 1.0)),
 }
 _FOOT = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) / 2
+
+_WIDTHS = (0.005, 0.2)  # [m]
+_HEIGHTS = (0.005, 0.5)  # [m]
+_TURNS = (0.0, math.pi / 8, math.pi / 4, math.pi * 3 / 8)  # of a box that are tried [rad]
+_TRIED, _FAR_PX = 3, 10.0  # so many are followed, those that look best from afar
+_FEW, _COARSE = 60, 7  # points, and steps, that tell the shape
+_HOPELESS = 0.8  # a loss that all points would not mend
+_LIKE_ENOUGH = 0.1  # a loss that another shape would hardly better
+_BOX = 0.8  # width of a box over that which it looks to have
 
 KINDS = ("cylinder", "box", "bottle")
 """Shapes of things, the commonest first; a ``box`` has a square foot."""
@@ -47,6 +57,61 @@ def across(kind: str, state: Array) -> float:
     return float(state[2]) * (math.sqrt(2) if kind == "box" else 1.0)
 
 
+def first_guess(rays: Array, camera: Camera, table_height: float) -> Array | None:
+    """Return x, y, width and height as the shadow has them that a lamp in the lens would cast."""
+    sights = rays @ camera.transform_base_camera[:3, :3].T
+    above = float(camera.position[2]) - table_height
+    if above <= 0 or (sights[:, 2] >= 0).any():
+        return None
+    shadow = -above * sights[:, :2] / sights[:, 2:]
+    ahead = shadow.mean(axis=0)
+    ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+    along, aside = shadow @ ahead, shadow @ [-ahead[1], ahead[0]]
+    # the shadow begins at the foot, and ends behind the top, by as much farther as that is higher
+    near, far = float(along.min()), float(along.max())
+    width = min(float(np.ptp(aside)), far - near)
+    height = above * (1 - (near + width) / far) if far > 0 else 0.0
+    middle = camera.position[:2] + (near + width / 2) * ahead
+    middle = middle + (aside.max() + aside.min()) / 2 * np.array([-ahead[1], ahead[0]])
+    return np.array([*middle, width, np.clip(height, 0.3 * width, 4 * width)])
+
+
+def fitted(
+    start: Array, points: Array, pixel: float, camera: Camera, table_height: float
+) -> tuple[str, Fit]:
+    """Return the shape whose silhouette is most like an outline; the first that is like enough.
+
+    A bottle whose neck is not seen beyond its belly is a cylinder by its outline. A few of the
+    points tell which shape it is, or that it is none; all of them tell where it stands.
+    """
+    few = points[:: max(len(points) // _FEW, 1)]
+    found: list[tuple[str, Fit]] = []
+    for kind in KINDS:
+        solid = upright(kind, camera, table_height)
+        compared = [silhouette.compare(solid, it, few, pixel) for it in _starts(kind, start)]
+        for begin in sorted(compared, key=lambda it: it.loss(_FAR_PX))[:_TRIED]:
+            found.append((kind, silhouette.fit(solid, begin.state, few, pixel, _COARSE)))
+            if found[-1][1].loss() < _LIKE_ENOUGH:
+                break
+        if found[-1][1].loss() < _LIKE_ENOUGH:
+            break
+    kind, coarse = min(found, key=lambda it: it[1].loss())
+    solid = upright(kind, camera, table_height)
+    if coarse.loss() > _HOPELESS:
+        return kind, silhouette.compare(solid, coarse.state, points, pixel)
+    return kind, silhouette.fit(solid, coarse.state, points, pixel)
+
+
+def is_possible(state: Array) -> bool:
+    """Whether the numbers of a solid are those of a thing."""
+    width, height = state[2:4].tolist()
+    return bool(
+        np.isfinite(state).all()
+        and _WIDTHS[0] <= width <= _WIDTHS[1]
+        and _HEIGHTS[0] <= height <= _HEIGHTS[1]
+    )
+
+
 def _drum(axes: Array, share: float, low: float, high: float) -> Array:
     """Return the derivatives of a drum's points by the state, shape (k, 3, 4)."""
     rim = share / 2 * CIRCLE
@@ -71,3 +136,10 @@ def _slopes(axes: Array, foot: Array, level: float) -> Array:
     slopes[:, :, 0], slopes[:, :, 1] = axes[0], axes[1]
     slopes[:, :, 2], slopes[:, :, 3] = foot @ axes[:2], level * axes[2]
     return slopes
+
+
+def _starts(kind: str, start: Array) -> list[Array]:
+    """Return states to fit a solid from."""
+    if kind != "box":
+        return [start]
+    return [np.array([*start[:2], _BOX * start[2], start[3], turn]) for turn in _TURNS]

@@ -35,7 +35,8 @@ from arm3dof.vision.standing import Standing
 SIGMAS = 2.0
 """How many standard deviations of a thing's place must fit between the fingers."""
 ROOM = 0.012
-"""How much farther than its width the fingers open around a thing among others [m]."""
+"""How much farther than its width the fingers open around a thing among others [m]; where there is
+space, twice that."""
 
 _SLACK = 0.0015  # of the fingers beside a thing, beyond the uncertainty [m]
 _TOUCH = 0.001  # least gap between the hand and the thing on the way to it [m]
@@ -136,7 +137,7 @@ class Gripping:
                 "nearer or calibrate it",
             )
         room = needed + 2 * SIGMAS * thing.sigma_m
-        openings = sorted({min(room + extra, self.widest) for extra in (ROOM, self.widest)})
+        openings = sorted({min(room + extra, self.widest) for extra in (ROOM, 2 * ROOM)})
         refusal = Refusal(Failure.OUT_OF_REACH, "the thing is too low for the fingers")
         for opening in reversed(openings):
             for height in self._heights(thing):

@@ -21,6 +21,7 @@ from arm3dof.vision.standing import Standing
 
 _LOOKS = 2  # pictures in a row that must agree
 _AGREE = 0.006  # [m]
+_ROUGHLY = 0.02  # what is seen in part is a rough guess, and an obstacle all the same [m]
 _PATIENCE = 2.5  # longest wait for pictures that agree [s]
 _SETTLE = 0.12  # fingers that have not moved for so long have stopped [s]
 _LONGEST_GRIP = 2.5  # [s]
@@ -276,7 +277,7 @@ class PickAndPlace:
     def _recover(self, state: JointState, refusal: Refusal) -> None:
         self.failure, self._payload = refusal, 0.0
         self._worth = self._goal.failed(self._current, refusal.failure)
-        self._opening = self._open
+        self._opening = self._current.grip.opening  # as on the way there, which was clear
         here = self._planner.tool(state.q)
         self._go_to(state, here, here - _ESCAPE * self._planner.forearm(state.q))
 
@@ -384,4 +385,5 @@ def _agreed(sights: Sequence[Sight]) -> tuple[Standing, ...]:
 
 
 def _same(thing: Standing, other: Standing) -> bool:
-    return thing.target == other.target and thing.distance_to(other.x, other.y) < _AGREE
+    near = _ROUGHLY if thing.hidden else _AGREE
+    return thing.target == other.target and thing.distance_to(other.x, other.y) < near

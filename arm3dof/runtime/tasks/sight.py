@@ -15,6 +15,7 @@ from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import Blob, ColourTarget
 from arm3dof.vision.locate import Located, Refused, View, patches
 from arm3dof.vision.outline import trace
+from arm3dof.vision.overlap import stand_both
 from arm3dof.vision.placing import Refusal
 from arm3dof.vision.standing import SHAPE_SIGMA_M, Standing, guess, stand
 
@@ -67,22 +68,37 @@ def look_at_table(
         outline = trace(picture, blob, camera.gamma)
         if outline is None:
             continue
-        where = target.name, outline, camera, table_height
-        rough = guess(*where)
-        if rough is None or not _is_a_thing(rough, _ROUGHLY):
-            continue
-        thing = stand(*where)
-        if thing is None or not _is_a_thing(thing):
-            continue
-        if blob.touches_border:
-            thing = replace(thing, hidden=True)
-        things.append(thing)
-        if thing.hidden:
-            reason = Refusal.BORDER if blob.touches_border else Refusal.PARTIAL
-            refused.append(Refused(target.name, blob.box_px, reason))
-        else:
-            located.append(_as_located(blob, outline, thing, camera, table_height))
+        for thing in _stood(target.name, blob, outline, camera, table_height):
+            things.append(thing)
+            if thing.hidden:
+                reason = Refusal.BORDER if blob.touches_border else Refusal.PARTIAL
+                refused.append(Refused(target.name, blob.box_px, reason))
+            else:
+                located.append(_as_located(blob, outline, thing, camera, table_height))
     return TableView(image, tuple(things), View(tuple(located), tuple(refused)))
+
+
+def _stood(
+    name: str, blob: Blob, outline: Array, camera: Camera, table_height: float
+) -> tuple[Standing, ...]:
+    """Return what stands on the table where a patch is: one thing, two that overlap, or nothing.
+
+    What may be a thing but is not explained is still something to keep clear of.
+    """
+    where = outline, camera, table_height
+    rough = guess(name, *where)
+    if rough is None or not _is_a_thing(rough, _ROUGHLY):
+        return ()
+    thing = stand(name, *where)
+    if thing is None or not _is_a_thing(thing):
+        thing = rough
+    if blob.touches_border:
+        thing = replace(thing, hidden=True)
+    elif thing.hidden:
+        both = stand_both(name, outline, blob.contour, camera, table_height)
+        if both is not None and all(map(_is_a_thing, both)):
+            return both
+    return (thing,) if _is_a_thing(thing) else ()
 
 
 def _as_located(
