@@ -76,7 +76,7 @@ def test_fingers_open_less_among_others():
     it = thing(width=0.022)
     alone = GRIPPING.grip(it)
     among = GRIPPING.grip(it, [Obstacle("a can", 0.18, 0.044, 0.010, TABLE + 0.04)])
-    assert among.opening < alone.opening == GRIPPING.widest
+    assert among.opening < alone.opening < GRIPPING.widest
 
 
 def test_a_thing_is_put_down_upright_where_it_belongs():
@@ -109,6 +109,18 @@ def test_a_place_too_far_off_would_make_it_topple():
     assert isinstance(refusal, Refusal)
     assert "may topple; choose a place about 0.13 m from the base" in refusal.detail
     assert isinstance(GRIPPING.placing(grip, *polar(0.23, 0.5), floor=0.02), Placing)  # into a bin
+
+
+def test_nothing_is_put_down_where_something_stands():
+    grip = GRIPPING.grip(thing())
+    x, y = polar(0.2, -0.5)
+    for away, free in ((0.0, False), (0.029, False), (0.09, True)):
+        there = Obstacle("a cup", x, y - away, 0.015, -0.07)
+        placing = GRIPPING.placing(grip, x, y, (there,))
+        assert isinstance(placing, Placing) == free
+        assert free or "stands a cup" in placing.detail
+    flat = Obstacle("a coin", x, y, 0.015, -0.105)
+    assert isinstance(GRIPPING.placing(grip, x, y, (flat,), floor=0.04), Placing)
 
 
 # ---- ways --------------------------------------------------------------------------------------

@@ -76,11 +76,10 @@ def test_of_two_of_one_colour_in_one_patch_the_nearer_is_measured():
         x, y = rng.uniform(0.17, 0.22), rng.uniform(-0.03, 0.03)
         away, aside = rng.uniform(0.04, 0.06), rng.uniform(-0.5, 0.5)
         places = (x, y), (x - away * np.cos(aside), y + away * np.sin(aside))
+        kinds = rng.choice(get_args(Shape), 2)
         bodies = tuple(
             Body(f"red_{i}", kind, rng.uniform(0.024, 0.03), 0.05, 0.03, COLOURS["red"], *place)
-            for i, (kind, place) in enumerate(
-                zip(rng.choice(get_args(Shape), 2), places, strict=True)
-            )
+            for i, (kind, place) in enumerate(zip(kinds, places, strict=True))
         )
         with SimulatedTask(ROBOT, World(bodies=bodies), task_targets(), rng) as scene:
             seen = look_at_table(scene.picture(), scene.camera, task_targets(), -0.11)

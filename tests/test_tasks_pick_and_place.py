@@ -1,6 +1,6 @@
 """The task on a puppet: an arm that goes where it is told, and fingers that hold or do not."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -103,6 +103,22 @@ def test_a_flickering_thing_is_not_believed():
     task = Puppet(Grasping("red", PLACE), lambda: [thing(x=next(places))]).run()
     assert task.failure.failure is Failure.NOT_SEEN
     assert "nothing steady" in task.failure.detail
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_what_is_seen_in_part_is_an_obstacle_though_its_place_is_rough(hidden):
+    """A whole thing whose place flickers is not believed; a part of one is never quite steady."""
+    places = iter([PLACE[0] - 0.004, PLACE[0] + 0.004] * 500)
+
+    def things():
+        there = replace(thing(x=next(places), y=PLACE[1], target="blue"), hidden=hidden)
+        return [thing(), there]
+
+    task = Puppet(Grasping("red", PLACE), things).run()
+    assert (task.phase is Phase.FAILED) == hidden
+    if hidden:
+        assert task.failure.failure is Failure.BLOCKED
+        assert "at the place, (0.160, -0.100) m, stands blue" in task.failure.detail
 
 
 @pytest.mark.parametrize(

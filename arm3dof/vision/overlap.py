@@ -51,20 +51,15 @@ def stand_both(
     along, away = ends[1] - ends[0], outline - ends[0]
     left = along[0] * away[:, 1] > along[1] * away[:, 0]
     rays, pixel = camera.rays(outline), 1 / camera.focal_px[0]
-    begun: list[tuple[str, Array]] = []
-    for side in (rays[left], rays[~left]):
-        start = first_guess(side, camera, table_height) if len(side) >= _FEWEST else None
-        if start is None:
-            return None
-        kind, found = fitted(start, side[:, :2], pixel, camera, table_height)
-        begun.append((kind, found.state if is_possible(found.state) else start))
-    begun.sort(key=lambda it: float(np.hypot(*(it[1][:2] - camera.position[:2]))))
-    solids = [upright(kind, camera, table_height) for kind, _ in begun]
-    split = len(begun[0][1])
-    if any(len(state) != (5 if kind == "box" else 4) for kind, state in begun):
+    begun = [_begin(side, pixel, camera, table_height) for side in (rays[left], rays[~left])]
+    if begun[0] is None or begun[1] is None:
         return None
-    both, points = _both(*solids, split), rays[:, :2]
-    best = silhouette.fit(both, np.concatenate([state for _, state in begun]), points, pixel)
+    (kind, start), (behind, then) = sorted(
+        (begun[0], begun[1]), key=lambda it: float(np.hypot(*(it[1][:2] - camera.position[:2])))
+    )
+    solids = upright(kind, camera, table_height), upright(behind, camera, table_height)
+    split, points = len(start), rays[:, :2]
+    best = silhouette.fit(_both(*solids, split), np.concatenate([start, then]), points, pixel)
     states = best.state[:split], best.state[split:]
     if not all(map(is_possible, states)):
         return None
@@ -72,12 +67,10 @@ def stand_both(
         return None
     noise, light = covariances(best, edge_sigma(camera.gamma))
     covariance = noise + light
-    vague = covariance[3, 3] > _HEIGHT_SIGMA_M**2
-    near = standing(
-        target, begun[0][0], states[0], covariance, camera, table_height, hidden=bool(vague)
-    )
-    rest = covariance[split:, split:]
-    far = standing(target, begun[1][0], states[1], rest, camera, table_height, hidden=True)
+    vague = bool(covariance[3, 3] > _HEIGHT_SIGMA_M**2)
+    place = camera, table_height
+    near = standing(target, kind, states[0], covariance, *place, hidden=vague)
+    far = standing(target, behind, states[1], covariance[split:, split:], *place, hidden=True)
     apart = near.distance_to(far.x, far.y)
     # one does not stand in the other
     return (near, far) if apart > (near.width_m + far.width_m) / 2 else None
@@ -108,6 +101,17 @@ def neck(contour: ArrayLike) -> NDArray[np.float64] | None:
     ratio = np.divide(across, around, out=np.ones_like(across), where=notched & (around > 0))
     first, last = divmod(int(ratio.argmin()), _SAMPLES)
     return points[[first, last]] if ratio[first, last] < _NECK else None
+
+
+def _begin(
+    rays: Array, pixel: float, camera: Camera, table_height: float
+) -> tuple[str, Array] | None:
+    """Return the shape and about the state of what one side of a neck shows most of."""
+    start = first_guess(rays, camera, table_height) if len(rays) >= _FEWEST else None
+    if start is None:
+        return None
+    kind, found = fitted(start, rays[:, :2], pixel, camera, table_height)
+    return (kind, found.state) if is_possible(found.state) else ("cylinder", start)
 
 
 def _both(near: Solid, far: Solid, split: int) -> Solid:

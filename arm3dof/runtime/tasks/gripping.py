@@ -172,6 +172,11 @@ class Gripping:
                 f"{abs(math.degrees(tilt)):.0f} degrees and may topple; choose a place about "
                 f"{math.hypot(*grip.point[:2]):.2f} m from the base",
             )
+        bottom = self.table_height + floor
+        for it in others:
+            if it.top > bottom and math.hypot(it.x - x, it.y - y) < it.radius + width / 2:
+                line = f"at the place, ({x:.3f}, {y:.3f}) m, stands {it.name}; choose another"
+                return Refusal(Failure.BLOCKED, line)
         opening = min(width + ROOM, self.widest)
         back = self.planner.line(point, point - _BACK * self.planner.forearm(q), CAREFUL)
         if isinstance(back, str):
