@@ -58,7 +58,7 @@ def test_torques_are_pinocchios_and_follow_the_masses():
     torque, tau = HorizonTorque(robot, 0.05, 20), np.empty((20, 3))
     motion = MotionMap(MpcSettings())(*rng.normal(size=(2, 3)), rng.normal(size=60))
     for _ in range(2):
-        torque.evaluate(motion, tau)
+        torque.evaluate(motion.q_middle, motion.v_middle, motion.u, tau)
         for k, (q, v, u) in enumerate(zip(*motion[2:], strict=True)):
             rigid = pin.rnea(robot.model, robot.model.createData(), q, v, u)
             assert (np.abs(tau[k] - rigid) <= robot.damping * (np.abs(v) + np.abs(u)) + 1e-12).all()

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from operator import mul
 
@@ -65,6 +65,11 @@ class StateEstimator:
     def noise(self) -> Array:
         """Believed standard deviation of a measured position, shape (nv,) [rad]."""
         return np.array(self._noise)
+
+    @property
+    def most_noise(self) -> float:
+        """The largest of them, over the joints [rad]."""
+        return max(self._noise)
 
     def reset(self) -> None:
         """Forget the past."""
@@ -118,8 +123,7 @@ class StateEstimator:
             led.append((q_led, v_led))
             new.append((q_now - q_led, v_now - v_led))
         if max(self._noise) < _NEGLIGIBLE:
-            self.q, self.v = state.q, state.v
-            return np.array([self._learning / dt * faster for _, faster in new])
+            return self._believe(state, new)
         telling, count = new, 1
         if readings is not None:
             count = len(readings)
@@ -129,16 +133,27 @@ class StateEstimator:
             new = [(*own, *more) for own, more in zip(new, telling, strict=True)]
         table = gains(dt, self._learning, count)
         rows = self._rows(telling, table)
+        if not any(rows):  # the first row believes what is measured
+            return self._believe(state, new)
         estimates = [
             (q + _dot(to_q, e), v + _dot(to_v, e), _dot(to_lasting, e))
             for (q, v), e, (to_q, to_v, to_lasting) in zip(
                 led, new, map(table.gain.__getitem__, rows), strict=True
             )
         ]
-        q, v, lasting = np.array(list(zip(*estimates, strict=True)))
-        # the first row believes what is measured
-        self.q, self.v = (q, v) if any(rows) else (state.q, state.v)
+        self.q, self.v, lasting = np.array(list(zip(*estimates, strict=True)))
         return np.asarray(lasting)
+
+    def _believe(self, state: JointState, new: Sequence[tuple[float, ...]]) -> Array:
+        """Take a measurement as it is; return the acceleration that is expected to last.
+
+        Args:
+            state: the measurement.
+            new: innovations, of each joint that of its position, of its velocity, and others.
+        """
+        self.q, self.v = state.q, state.v
+        share = self._learning / self._dt
+        return np.array([share * innovations[1] for innovations in new])
 
     def _rows(self, telling: Iterable[tuple[float, float]], table: Gains) -> list[int]:
         """Return each joint's row of the table, and be surprised by the telling innovations."""

@@ -17,7 +17,8 @@ class Plan(NamedTuple):
     """What the arm is expected to do from a step on.
 
     Attributes:
-        u: accelerations of stages 0..N-1, shape (N, nv) [rad/s^2].
+        u: accelerations of stages 0..N, the last of which repeats the one before, (N + 1, nv)
+            [rad/s^2].
         q: positions at stages 0..N, shape (N + 1, nv) [rad].
         v: velocities at stages 0..N, shape (N + 1, nv) [rad/s].
     """
@@ -77,7 +78,7 @@ class Fallback:
         """
         if self._plan is None or not self._fits or self._age > 0:
             return None
-        return np.concatenate([self._plan.u[1:horizon], self._plan.u[-1:]])
+        return self._plan.u[1 : horizon + 1]
 
     def answer(self, state: JointState | None, disturbance: Array) -> Answer:
         """Return a torque for a step without an optimum, and let the plan grow older.
@@ -93,7 +94,7 @@ class Fallback:
             nothing = np.zeros((1, self._robot.nv))
             plan = Plan(nothing, nothing, nothing)
             return Answer(nothing[0], nothing[0], nothing[0], plan, TorqueSource.BRAKING)
-        valid = self._plan is not None and self._age <= min(self._most_steps, len(self._plan.u) - 1)
+        valid = self._plan is not None and self._age <= min(self._most_steps, len(self._plan.u) - 2)
         if self._plan is not None and valid and (self._fits or state is None):
             rest = Plan(*(part[self._age :] for part in self._plan))
             u, source = rest.u[0], TorqueSource.PREVIOUS_PLAN

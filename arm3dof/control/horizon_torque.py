@@ -48,9 +48,15 @@ class HorizonTorque:
         for joint, inertia in enumerate(self._believed.inertias):
             own[joint] = inertia
 
-    def evaluate(self, motion: Motion, out: Array) -> None:
-        """Write the torques of all stages into ``out``, shape (N, nv) [N m]."""
-        _, _, q, v, u = motion
+    def evaluate(self, q: Array, v: Array, u: Array, out: Array) -> None:
+        """Evaluate the torques of all stages.
+
+        Args:
+            q: positions in the middle of the samples, shape (N, nv) [rad].
+            v: velocities there, shape (N, nv) [rad/s].
+            u: accelerations, shape (N, nv) [rad/s^2].
+            out: takes the torques, shape (N, nv) [N m].
+        """
         pin.rneaInParallel(1, self._pool, q.T, v.T, u.T, out.T)  # one call; on this one thread
         out += self._every_damping * v
 

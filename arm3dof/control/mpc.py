@@ -223,14 +223,17 @@ class MpcController:
             if optimum.status is not QpStatus.SOLVED:
                 break
             plan = self._plan(state, program, optimum)
-            u = plan.u
+            u = plan.u[:horizon]
         return optimum, plan
 
     def _plan(self, state: JointState, program: Program, optimum: Optimum) -> Plan:
-        q, v = stages = np.empty((2, self.settings.horizon + 1, state.q.size))
-        q[0], v[0], stages[:, 1:] = state.q, state.v, optimum.states
-        u = program.accelerations(optimum.w)
-        return Plan((v[1:] - v[:-1]) / self.dt if u is None else u, q, v)
+        stages = np.empty((3, self.settings.horizon + 1, state.q.size))
+        u, q, v = stages[0], stages[1], stages[2]  # faster than unpacking
+        q[0], v[0], stages[1:, 1:] = state.q, state.v, optimum.states
+        decided = program.accelerations(optimum.w)
+        u[:-1] = (v[1:] - v[:-1]) / self.dt if decided is None else decided
+        u[-1] = u[-2]
+        return Plan(u, q, v)
 
     def _is_plausible(self, state: JointState) -> bool:
         joints = zip(state.q.tolist(), state.v.tolist(), self._believable, strict=True)

@@ -91,7 +91,7 @@ class Observer:
                 *(part.tolist() for part in (last.q, last.v, state.q, state.v)), strict=True
             )
             gap = [q - q_last - half * (v_last + v) for q_last, v_last, q, v in moves]
-            self.jumped = any(abs(way) > _JUMP for way in gap)
+            self.jumped = max(map(abs, gap)) > _JUMP
             if self.jumped:
                 most = _JUMP + _JUMP_NOISE * self.filter.noise + half * np.abs(state.v - last.v)
                 self.jumped = bool((np.abs(gap) > most).any())
@@ -169,7 +169,7 @@ class Observer:
         against ever harder. And a disturbance that was learned on the way there, and is unlearned
         too slowly where nothing moves, is given up while the joint should leave and stays.
         """
-        near = _STOP + max(self.filter.noise.tolist())
+        near = _STOP + self.filter.most_noise
         joints = zip(q.tolist(), self._range, strict=True)
         if all(low + near < at < high - near for at, (low, high) in joints):
             return False

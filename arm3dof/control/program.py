@@ -34,8 +34,11 @@ class Program(Protocol):
     hessian_inverse: Array
     refine: bool
     w_free: Array
-    start: Array | None
     fixed: NDArray[np.bool_] | None
+
+    @property
+    def start(self) -> Array | None:
+        """See above."""
 
     def values(self, w: Array) -> Array:
         """Return torques, positions and velocities, shape (3, N, nv)."""

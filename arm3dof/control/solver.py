@@ -18,6 +18,7 @@ continuation, Allgower and Georg 1990).
 from __future__ import annotations
 
 import time
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -108,10 +109,10 @@ class ProgramSolver:
 
     def solve(self, program: Program, bounds: Bounds) -> Optimum:
         """Return the optimum of a program."""
-        if program.start is None or not self._likely.limits.size:
+        if not self._likely.limits.size or program.start is None:
             values = limited(program, bounds, program.w_free)
             kept = (values <= bounds.most) & (values >= bounds.least)
-            if kept.all():
+            if np.count_nonzero(kept) == kept.size:  # NaN is not kept; faster than all()
                 return _without_limits(program, bounds, values, QpStatus.SOLVED)
             if not np.isfinite(values).all():
                 return _without_limits(program, bounds, values, QpStatus.NOT_FINITE)
@@ -293,6 +294,12 @@ def _replace_by_tangents(
 
 def _without_limits(program: Program, bounds: Bounds, values: Array, status: QpStatus) -> Optimum:
     """Return the minimiser without limits as an optimum in which no limit was considered."""
-    w, none = program.w_free, np.zeros(0)
-    working = WorkingSet(_NONE.limits, np.zeros((0, w.size)), none, none)
-    return Optimum(w, values, status, False, working, none, 0.0, program, bounds)
+    w = program.w_free
+    working = _no_limits(w.size)
+    return Optimum(w, values, status, False, working, working.b, 0.0, program, bounds)
+
+
+@lru_cache(maxsize=16)
+def _no_limits(decisions: int) -> WorkingSet:
+    none = np.zeros(0)
+    return WorkingSet(_NONE.limits, np.zeros((0, decisions)), none, none)

@@ -22,7 +22,7 @@ from arm3dof.control.formulation import (
     invert_hessian,
 )
 from arm3dof.control.horizon_torque import HorizonTorque
-from arm3dof.control.motion import Motion, MotionMap
+from arm3dof.control.motion import MotionMap
 from arm3dof.control.prediction import condense, double_integrator, quadratic_cost
 from arm3dof.control.reference import Reference
 from arm3dof.control.settings import MpcSettings
@@ -41,6 +41,7 @@ class TrackingFormulation:
         torque: from motion to torque.
         slopes: derivative of positions and velocities at stages 1..N by w, shape (2 N nv, n).
         fixed: which values no decision reaches, shape (3, N, nv); ``None`` if there is none.
+        first_stages: picks each block's first stage.
         block_of_stage: picks each stage's decisions out of those of all blocks.
         to_middle: derivative of q_middle, v_middle and u of a joint by its own decisions,
             shape (N, decisions a joint, 3).
@@ -54,7 +55,7 @@ class TrackingFormulation:
         self._blocks = block_of_stage(settings)
         first = np.flatnonzero(np.diff(self._blocks, prepend=-1))
         free = first.size == horizon
-        self._first_stages = slice(None) if free else first
+        self.first_stages = slice(None) if free else first
         self.block_of_stage = slice(None) if free else self._blocks
         prediction = condense(discretise(double_integrator(nv), settings), horizon)
         cost = quadratic_cost(prediction, self.weights.Q, self.weights.R, self.weights.P)
@@ -90,8 +91,7 @@ class TrackingFormulation:
         else:
             w_free = self._state_gain @ np.concatenate((-q, v))
             w_free += self._gain @ np.hstack([reference.q, -reference.v]).ravel()
-        start = None if plan is None else plan[self._first_stages].ravel()
-        return TrackingProgram(self, q, v, disturbance, w_free, start)
+        return TrackingProgram(self, q, v, disturbance, w_free, plan)
 
 
 class TrackingProgram:
@@ -106,18 +106,23 @@ class TrackingProgram:
         v: Array,
         disturbance: Array,
         w_free: Array,
-        start: Array | None,
+        plan: Array | None,
     ) -> None:
         self.hessian, self.hessian_inverse = formulation.hessian, formulation.hessian_inverse
         self.fixed = formulation.fixed
-        self.w_free, self.start = w_free, start
+        self.w_free, self._plan = w_free, plan
         self._formulation, self._q, self._v, self._disturbance = formulation, q, v, disturbance
+
+    @property
+    def start(self) -> Array | None:
+        """See ``Program.start``."""
+        return None if self._plan is None else self._plan[self._formulation.first_stages].ravel()
 
     def values(self, w: Array) -> Array:
         """See ``Program.values``; the torques are exact."""
         stack = self._formulation.motion.stacked(self._q, self._v, w)
         torque = stack[0]
-        self._formulation.torque.evaluate(Motion(*stack[1:]), torque)
+        self._formulation.torque.evaluate(stack[3], stack[4], stack[5], torque)
         torque -= self._disturbance
         return stack[:3]
 
