@@ -1,4 +1,4 @@
-"""Writing files whole or not at all."""
+"""Writing files whole or not at all, and saying why one cannot be read."""
 
 from __future__ import annotations
 
@@ -8,7 +8,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from arm3dof.errors import InputError
+from arm3dof.errors import InputError, MissingFile
+
+
+def unreadable(what: str, error: OSError, cure: str) -> MissingFile:
+    """Return the error to raise for a file that cannot be read.
+
+    Args:
+        what: the file, as messages call it.
+        error: why it cannot be read.
+        cure: what to give instead.
+    """
+    reason = error.strerror or type(error).__name__
+    return MissingFile(f"cannot read {what}: {reason}; {cure}")
 
 
 def write_atomically(path: Path, data: bytes) -> None:

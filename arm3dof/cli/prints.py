@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from arm3dof.cli.options import number, numbers
-from arm3dof.errors import InputError, MissingFile
+from arm3dof.errors import InputError
+from arm3dof.files import unreadable
 from arm3dof.state import Array
 
 
@@ -71,7 +72,7 @@ def read_points(path: Path) -> tuple[Array, Array]:
                 for line, row in enumerate(reader, start=2)
             ]
     except OSError as error:
-        raise MissingFile(f"cannot read {path}: {error.strerror}; give a CSV file") from None
+        raise unreadable(str(path), error, "give a CSV file") from None
     except (UnicodeDecodeError, csv.Error):
         raise InputError(f"{path} is not a CSV file") from None
     table = np.array(rows, dtype=np.float64).reshape(-1, 5)

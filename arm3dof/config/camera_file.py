@@ -26,8 +26,8 @@ from arm3dof.config.camera_text import (
 )
 from arm3dof.config.explain import explain
 from arm3dof.config.toml_edit import set_keys
-from arm3dof.errors import InputError, MissingFile
-from arm3dof.files import write_atomically
+from arm3dof.errors import InputError
+from arm3dof.files import unreadable, write_atomically
 from arm3dof.vision.camera import Camera, Doubt, intrinsics, look_at
 from arm3dof.vision.colour import ColourTarget, HsvRange, Shape
 
@@ -117,11 +117,8 @@ def load_camera(source: str | Path) -> CameraFile:
     except UnicodeDecodeError:
         raise InputError(f"{path} is not a text file; give a CAMERA.toml") from None
     except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise MissingFile(
-            f"cannot read the camera {path}: {reason}; give a CAMERA.toml or one of the presets: "
-            + ", ".join(presets())
-        ) from None
+        cure = "give a CAMERA.toml or one of the presets: " + ", ".join(presets())
+        raise unreadable(f"the camera {path}", error, cure) from None
     return parse_camera(text, str(path))
 
 

@@ -18,8 +18,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from arm3dof.config.explain import explain
 from arm3dof.control.settings import Discretisation, Formulation
 from arm3dof.control.tuning import Gains
-from arm3dof.errors import InputError, MissingFile
-from arm3dof.files import write_atomically
+from arm3dof.errors import InputError
+from arm3dof.files import unreadable, write_atomically
 from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.tuned import Tuned
 
@@ -90,10 +90,8 @@ def load_tuned(path: Path) -> Tuned:
     try:
         file = _File.model_validate(tomllib.loads(path.read_text("utf-8")))
     except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise MissingFile(
-            f"cannot read the settings {path}: {reason}; give a file that the studio wrote"
-        ) from None
+        cure = "give a file that the studio wrote"
+        raise unreadable(f"the settings {path}", error, cure) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path} is not TOML: {error}; correct it there") from None
     except ValidationError as error:

@@ -14,6 +14,7 @@ from arm3dof.model.robot import Robot
 from arm3dof.sim.engine import mujoco
 from arm3dof.sim.mujoco_arm import set_inertias
 from arm3dof.sim.mujoco_world import GRIPPER, build_model
+from arm3dof.sim.plant import check_start
 from arm3dof.sim.servo import Servo, holding_torque
 from arm3dof.sim.world import World
 from arm3dof.state import Array, JointState, finite_vector
@@ -129,11 +130,7 @@ class MujocoPlant:
         Raises:
             InputError: the state is not finite or belongs to another robot.
         """
-        if state.q.size != self.robot.nv or not state.is_finite:
-            raise InputError(
-                f"the state is q = {state.q}, v = {state.v}; "
-                f"{self.robot.name} needs {self.robot.nv} finite positions and velocities"
-            )
+        check_start(self.robot, state)
         mujoco.mj_resetData(self.model, self.data)
         self._t0, self._steps = state.t, 0
         self.data.qpos[self._q_at], self.data.qvel[self._v_at] = state.q, state.v

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from arm3dof.errors import InputError
 from arm3dof.model.robot import Robot
+from arm3dof.sim.plant import check_start
 from arm3dof.sim.servo import Servo, holding_torque
 from arm3dof.state import Array, JointState, finite_vector
 
@@ -98,11 +99,7 @@ class PinocchioPlant:
         Raises:
             InputError: the state is not finite or belongs to another robot.
         """
-        if state.q.size != self.robot.nv or not state.is_finite:
-            raise InputError(
-                f"the state is q = {state.q}, v = {state.v}; "
-                f"{self.robot.name} needs {self.robot.nv} finite positions and velocities"
-            )
+        check_start(self.robot, state)
         self._t0, self._steps, self._seen = state.t, 0, None
         self._q, self._v = np.array(state.q), np.array(state.v)
         self._applied = finite_vector(np.zeros(self.robot.nv), self.robot.nv, "tau")

@@ -6,6 +6,7 @@ from typing import Generic, Protocol, TypeVar
 
 from numpy.typing import ArrayLike
 
+from arm3dof.errors import InputError
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState
 
@@ -62,6 +63,19 @@ class DisturbablePlant(Plant, Protocol):
 
     def change_robot(self, robot: Robot) -> None:
         """Go on with another robot of as many joints, such as one that took up a payload."""
+
+
+def check_start(robot: Robot, state: JointState) -> None:
+    """Check that an arm can be placed in a state.
+
+    Raises:
+        InputError: the state is not finite or belongs to another robot.
+    """
+    if state.q.size != robot.nv or not state.is_finite:
+        raise InputError(
+            f"the state is q = {state.q}, v = {state.v}; "
+            f"{robot.name} needs {robot.nv} finite positions and velocities"
+        )
 
 
 Inner = TypeVar("Inner", bound=DisturbablePlant)

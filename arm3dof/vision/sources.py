@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm3dof.errors import CameraLost, InputError, MissingFile
+from arm3dof.files import unreadable
 from arm3dof.vision.colour import Image, check_image
 from arm3dof.vision.stream import mjpeg_parts
 
@@ -61,8 +62,7 @@ def read_image(path: str | Path) -> Image:
     try:
         data = path.read_bytes()
     except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise MissingFile(f"cannot read {path}: {reason}; give a picture file") from None
+        raise unreadable(str(path), error, "give a picture file") from None
     return decode_image(data, str(path))
 
 

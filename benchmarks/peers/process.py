@@ -6,11 +6,11 @@ import json
 import os
 import subprocess
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from arm3dof.closing import Closing
 from benchmarks.peers.problem import Array, Problem
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -19,7 +19,7 @@ _SAME_TORQUE = 1e-10  # [N m]
 _SAME_COST = 1e-8
 
 
-class PeerProcess:
+class PeerProcess(Closing):
     """A process that solves a problem with the peers while ours waits."""
 
     def __init__(self) -> None:
@@ -40,17 +40,6 @@ class PeerProcess:
             stdout=subprocess.PIPE,
             text=True,
         )
-
-    def __enter__(self) -> PeerProcess:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """End the process."""

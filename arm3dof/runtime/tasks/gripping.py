@@ -84,13 +84,11 @@ class Placing:
         point: where the tool opens, shape (3,) [m].
         tilt: how far the thing leans towards or away from the arm then [rad].
         retreat: back along the forearm.
-        opening: of the fingers when it is let go [m].
     """
 
     point: Array
     tilt: float
     retreat: Leg
-    opening: float
 
 
 class Gripping:
@@ -184,7 +182,7 @@ class Gripping:
         gap = self.planner.clearance.gap(back.q, opening, others)
         if gap.distance < MARGIN:
             return self._blocked(gap, "putting it down")
-        return Placing(point, tilt, back, opening)
+        return Placing(point, tilt, back)
 
     def _heights(self, thing: Standing) -> list[float]:
         """Return heights on a thing to grasp at, the best first [m]."""
