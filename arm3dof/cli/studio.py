@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
@@ -42,7 +43,8 @@ def studio(
         typer.Option(
             metavar="WHERE",
             help="What the eye looks through: 'world' (the simulated table), the number of a "
-            "camera device, a video file, or a folder of pictures.",
+            "camera device, a video file, a folder of pictures, or the http:// address of an MJPEG "
+            "stream.",
         ),
     ] = "world",
     camera_file: Annotated[
@@ -189,10 +191,30 @@ def eye_spec(where: str, camera_file: str | None) -> EyeSpec:
     setup = load_camera(camera_file or "desk")
     targets = tuple(setup.targets.values())
     if where != "world":
-        return EyeSpec(setup.camera, Watch(targets), int(where) if where.isdecimal() else where)
+        return EyeSpec(setup.camera, Watch(targets), picture_source(where))
     world = table()
     if not isinstance(world, World):
         return EyeSpec(setup.camera, Watch(targets), world)
     names = [body.name for body in world.bodies]  # parts of the arm have colours too
     targets = tuple(target for target in targets if target.name in names) or targets
     return EyeSpec(camera() if camera_file is None else setup.camera, Watch(targets), world)
+
+
+def picture_source(where: str) -> str | int:
+    """Return what ``frames`` takes, once the first picture of a file or folder has been read.
+
+    Args:
+        where: the number of a device, which may come later, as a stream's address may; a video,
+            a folder or a picture.
+
+    Raises:
+        ArmError: it cannot be read.
+    """
+    from arm3dof.vision.sources import frames, is_stream
+
+    if where.isdecimal() and not Path(where).exists():
+        return int(where)
+    if not is_stream(where):
+        with closing(frames(where)) as pictures:
+            next(pictures)
+    return where

@@ -179,7 +179,10 @@ def frames(source: str | Path | int, *, timeout: float = 5.0) -> Generator[Frame
         return
     path = Path(source)
     if path.is_dir():
-        found = sorted(it for it in path.iterdir() if it.suffix.lower() in IMAGE_SUFFIXES)
+        try:
+            found = sorted(it for it in path.iterdir() if it.suffix.lower() in IMAGE_SUFFIXES)
+        except OSError as error:  # it went, or may not be read
+            raise MissingFile(f"cannot read {path}: {error.strerror or error}") from None
         if not found:
             raise InputError(f"{path} holds no pictures; give a folder with PNG or JPEG files")
         for count, it in enumerate(found):

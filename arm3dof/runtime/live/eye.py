@@ -5,14 +5,14 @@ It is given what to look for and answers with pictures; it knows no clock and no
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
 
-from arm3dof.errors import InputError
+from arm3dof.errors import ArmError, InputError
 from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.sim.scene import Light, Scene, draw
 from arm3dof.vision.annotate import annotate
@@ -20,7 +20,6 @@ from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import ColourTarget, HsvRange, Image, blurred_hsv
 from arm3dof.vision.learn import learn_colour
 from arm3dof.vision.locate import View, look
-from arm3dof.vision.sources import Frame
 
 _QUALITY = 82  # of the JPEG
 _NOISES = 6  # pictures of the same scene with noise of their own
@@ -91,15 +90,29 @@ class SeenPicture(NamedTuple):
     view: View
 
 
-TakePicture = Callable[[Watch], Image]
-"""Takes the next picture, as the camera sees it now."""
+class Blind(NamedTuple):
+    """There are no pictures, until there are some again.
+
+    Attributes:
+        why: in words.
+    """
+
+    why: str
+
+
+TakePicture = Callable[[Watch], Image | None]
+"""Takes the next picture, as the camera sees it now; ``None`` before there is one."""
 
 
 class PictureSource(Protocol):
     """Where pictures come from."""
 
-    def take(self, watch: Watch) -> Image:
-        """Return the next picture."""
+    def take(self, watch: Watch) -> Image | None:
+        """Return the next picture; ``None`` before there is one.
+
+        Raises:
+            ArmError: there is none any more; a later call may have one again.
+        """
 
     def change_robot(self, robot: PackedRobot) -> None:
         """See another arm from now on, where the source shows one."""
@@ -125,8 +138,8 @@ class Watcher:
         self._watch = watch
 
     @property
-    def picture(self) -> Image:
-        """The last picture; the first one when there was none."""
+    def picture(self) -> Image | None:
+        """The last picture; the first one when there was none, if it is there."""
         if self._picture is None:
             self._picture = self._take(self._watch)
         return self._picture
@@ -136,9 +149,16 @@ class Watcher:
         """What is looked for."""
         return self._watch.targets
 
-    def see(self) -> SeenPicture:
-        """Take the next picture and look at it."""
-        picture = self._picture = self._take(self._watch)
+    def see(self) -> SeenPicture | None:
+        """Take the next picture and look at it; ``None`` before there is one.
+
+        Raises:
+            ArmError: there is none any more.
+        """
+        picture = self._take(self._watch)
+        if picture is None:
+            return None
+        self._picture = picture
         view = look(picture, self._camera, self._watch.targets)
         sight = SeenPicture(self._number, _jpeg(annotate(picture, view)), self._mask(picture), view)
         self._number += 1
@@ -147,8 +167,10 @@ class Watcher:
     def learn(self, pick: Pick) -> Learned:
         """Find the colour of what is at a pixel of the last picture."""
         try:
-            return Learned(pick, learn_colour(self.picture, (pick.u, pick.v)).hsv)
-        except InputError as error:
+            if (picture := self.picture) is None:
+                return Learned(pick, None, "there is no picture yet")
+            return Learned(pick, learn_colour(picture, (pick.u, pick.v)).hsv)
+        except ArmError as error:
             return Learned(pick, None, str(error))
 
     def _mask(self, picture: Image) -> bytes:
@@ -210,32 +232,3 @@ class DrawnCamera:
             for _ in range(_NOISES)
         )
         return [np.clip(each + 0.5, 0, 255).astype(np.uint8) for each in noisy]
-
-
-class SourceCamera:
-    """Pictures of a folder, a video or a device, brought to the camera's size."""
-
-    def __init__(self, frames: Iterator[Frame], camera: Camera) -> None:
-        """Take pictures from frames that have no end."""
-        self._frames, self._size = frames, (camera.width, camera.height)
-
-    def take(self, watch: Watch) -> Image:
-        """Return the next picture."""
-        image = next(self._frames).image
-        if (image.shape[1], image.shape[0]) != self._size:
-            image = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA)
-        return np.asarray(image, dtype=np.uint8)
-
-    def change_robot(self, robot: PackedRobot) -> None:
-        """Do nothing: the arm in the picture, if there is one, is what it is."""
-
-
-def endless(open_source: Callable[[], Iterator[Frame]]) -> Iterator[Frame]:
-    """Go through a source over and over; end when it gives nothing any more."""
-    while True:
-        empty = True
-        for frame in open_source():
-            empty = False
-            yield frame
-        if empty:
-            return

@@ -12,18 +12,18 @@ from pathlib import Path
 from arm3dof.errors import ArmError
 from arm3dof.runtime.live.child import Child, offer, received
 from arm3dof.runtime.live.eye import (
+    Blind,
     DrawnCamera,
     Learned,
     Pick,
     PictureSource,
     SeenPicture,
-    SourceCamera,
     Watch,
     Watcher,
-    endless,
 )
+from arm3dof.runtime.live.footage import SourceCamera, played
 from arm3dof.runtime.live.frames import Mode, Ring
-from arm3dof.runtime.live.process import News
+from arm3dof.runtime.live.pace import WallClock
 from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.runtime.tasks.sight import look_at_table
 from arm3dof.runtime.tasks.signals import Sight
@@ -34,6 +34,8 @@ from arm3dof.vision.sources import frames
 
 RATE = 24.0
 """Pictures that are aimed at [1/s]."""
+RETRY = 2.0
+"""How long after it was lost a camera is tried again [s]."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,8 @@ class EyeSpec:
             return LiveCamera(robot, self.source, self.camera, ring)
         if isinstance(self.source, Scene):
             return DrawnCamera(self.source, self.camera)
-        return SourceCamera(endless(partial(frames, self.source)), self.camera)
+        play = partial(played, partial(frames, self.source), WallClock())
+        return SourceCamera(play, self.camera)
 
 
 class EyeProcess(Child):
@@ -75,7 +78,7 @@ class EyeProcess(Child):
         spec: EyeSpec,
         robot: PackedRobot,
         ring: Ring,
-        on_message: Callable[[SeenPicture | Learned | News], None],
+        on_message: Callable[[SeenPicture | Learned | Blind], None],
         sights: Connection | None = None,
     ) -> None:
         """Start the process.
@@ -102,7 +105,7 @@ def _look(
     try:
         source = spec.open(robot, ring)
         eye = Watcher(source.take, spec.camera, spec.watch)
-        due = time.monotonic()
+        due, blind = time.monotonic(), False
         while (messages := received(pipe, max(due - time.monotonic(), 0.0))) is not None:
             for message in messages:
                 if isinstance(message, Watch):
@@ -111,15 +114,25 @@ def _look(
                     source.change_robot(message)
                 elif isinstance(message, Pick):
                     pipe.send(eye.learn(message))
-            if time.monotonic() >= due:
-                due = max(due + 1 / RATE, time.monotonic())
-                frame = ring.latest()
+            if time.monotonic() < due:
+                continue
+            due = max(due + 1 / RATE, time.monotonic())
+            frame = ring.latest()
+            try:
                 sight = eye.see()
-                if sights is not None and frame is not None and frame["mode"] == Mode.WORKING:
-                    offer(sights, _known(eye, spec, float(frame["t"])))
-                pipe.send(sight)
-    except (ArmError, StopIteration) as error:
-        pipe.send(News(str(error) or "the camera gives no more pictures", bad=True))
+            except ArmError as error:
+                if not blind:
+                    pipe.send(Blind(str(error)))
+                blind, due = True, time.monotonic() + RETRY
+                continue
+            if sight is None:
+                continue
+            blind = False
+            if sights is not None and frame is not None and frame["mode"] == Mode.WORKING:
+                offer(sights, _known(eye, spec, float(frame["t"])))
+            pipe.send(sight)
+    except ArmError as error:  # there never was a camera
+        pipe.send(Blind(str(error)))
     except (BrokenPipeError, ConnectionResetError):
         pass  # the page has gone
 
@@ -127,5 +140,7 @@ def _look(
 def _known(eye: Watcher, spec: EyeSpec, t: float) -> Sight:
     """Return what stands on the table in the last picture."""
     height = spec.source.table.height if isinstance(spec.source, World) else 0.0
-    seen = look_at_table(eye.picture, spec.camera, eye.watched, height)
-    return Sight(seen.things, t)
+    picture = eye.picture
+    if picture is None:
+        return Sight((), t)
+    return Sight(look_at_table(picture, spec.camera, eye.watched, height).things, t)

@@ -26,7 +26,11 @@ _THINNED = 2  # of the frames, one in so many is drawn in the charts
 
 
 def numbers_message(
-    frames: Frames, robot: Robot, lateness: Array, extra: Mapping[str, object]
+    frames: Frames,
+    robot: Robot,
+    lateness: Array,
+    extra: Mapping[str, object],
+    blind: str = "",
 ) -> bytes:
     """Return what the frames since the last message say.
 
@@ -35,11 +39,12 @@ def numbers_message(
         robot: the arm that they are of.
         lateness: of the last wake-ups [s].
         extra: what else is to be told, by name.
+        blind: why there are no pictures; empty while there are.
     """
     last = frames[-1]
     rows = frames[::-_THINNED][::-1]
     planned = int(last["plan_rows"])
-    status = describe(last, robot)
+    status = describe(last, robot, blind)
     controlled = frames[frames["control"] == 1]
     message = {
         "t": _round(rows["t"], 4),
@@ -63,6 +68,7 @@ def numbers_message(
         "arrived": has_arrived(last),
         "status": status.text,
         "tone": status.tone,
+        "blind": blind,
         "missed": int(last["missed"]),
         "late_ms": {k: round(1e3 * v, 3) for k, v in lateness_percentiles(lateness).items()},
         **extra,

@@ -32,13 +32,19 @@ class Status(NamedTuple):
     tone: Tone
 
 
-def describe(frame: Frames, robot: Robot) -> Status:
+def describe(frame: Frames, robot: Robot, blind: str = "") -> Status:
     """Say what the arm is doing.
 
     Args:
         frame: the frame, shape ().
         robot: the arm that it is of.
+        blind: why there are no pictures; empty while there are.
     """
+    status = _doing(frame, robot)
+    return Status(f"{status.text}. No picture: {blind}", Tone.WARN) if blind else status
+
+
+def _doing(frame: Frames, robot: Robot) -> Status:
     if frame["paused"]:
         return Status("Paused: time stands still", Tone.CALM)
     mode = Mode(int(frame["mode"]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections import deque
@@ -19,9 +20,9 @@ from arm3dof.model.gripper import Gripper, find_gripper
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.child import CONTEXT
-from arm3dof.runtime.live.eye import Learned, Pick, SeenPicture, Watch
+from arm3dof.runtime.live.eye import Blind, Learned, Pick, SeenPicture, Watch
 from arm3dof.runtime.live.eye_process import EyeProcess, EyeSpec
-from arm3dof.runtime.live.frames import Frames
+from arm3dof.runtime.live.frames import Frames, Mode
 from arm3dof.runtime.live.mind_process import MindProcess
 from arm3dof.runtime.live.process import ArmProcess, ArmSpec, News
 from arm3dof.runtime.live.tuned import Tuned
@@ -45,6 +46,7 @@ _TRAIL_RATE = 5.0  # [1/s]
 _LATENESS_KEPT = 3600  # wake-ups, a minute of them
 _NEWS_KEPT = 50
 _CAMERA_FILE, _SETTINGS_FILE = "camera.toml", "studio.toml"
+_EYE_ENDED = "what looks through the camera has ended; start the program again"
 _LOST = "the tab that held the controls is gone, so the arm was stopped"
 
 
@@ -75,7 +77,8 @@ class Studio:
         eye: the eye's process.
         scene: the 3-D view.
         controls: who holds the controls.
-        sight: the last picture; ``None`` before the first.
+        sight: the last picture; ``None`` before the first, and while there are none.
+        blind: why there are no pictures; empty while there are.
         learned: the last colour that was learned by a click.
         news: what happened, newest last, each with its number.
     """
@@ -102,6 +105,7 @@ class Studio:
         self.tuned, self.robot, self.out = tuned, robot, out
         self.news: deque[tuple[int, News]] = deque(maxlen=_NEWS_KEPT)
         self.sight: SeenPicture | None = None
+        self.blind = ""
         self.learned: Learned | None = None
         self.watch = eye.watch
         self.chosen = eye.watch.targets[0].name if eye.watch.targets else ""
@@ -144,9 +148,13 @@ class Studio:
             self.tuned = replace(self.tuned, control=command)
 
     def look_for(self, watch: Watch) -> None:
-        """Let the eye look for other things."""
-        self.watch = watch
+        """Let the eye look for other things.
+
+        Raises:
+            ArmError: its process has ended.
+        """
         self.eye.send(watch)
+        self.watch = watch
 
     def pick(self, pick: Pick) -> None:
         """Let the eye learn the colour at a pixel; ``learned`` will have it."""
@@ -166,7 +174,8 @@ class Studio:
         self._version += 1
         packed = PackedRobot.of(robot)
         self.arm.send(cmd.Rebuild(packed, self._version))
-        self.eye.send(packed)
+        with contextlib.suppress(ArmError):  # an arm goes on without an eye
+            self.eye.send(packed)
         with self._scene_lock:
             self.robot = robot
             self.tuned = replace(self.tuned, overrides=dict(overrides), servo=servo)
@@ -305,16 +314,26 @@ class Studio:
         self._numbered += 1
         self.news.append((self._numbered, news))
 
-    def _see(self, message: SeenPicture | Learned | News) -> None:
-        if isinstance(message, News):
-            self._hear(message)
+    def _see(self, message: SeenPicture | Learned | Blind) -> None:
+        if isinstance(message, Blind):
+            self._go_blind(message.why)
         elif isinstance(message, Learned):
             self.learned = message
         else:
-            self.sight = message
+            self.sight, self.blind = message, ""
             if message.mask:  # before its picture, with which it is shown or hidden
                 self.live.send(feed.MASK + message.mask)
             self.live.send(feed.PICTURE + message.jpeg)
+
+    def _go_blind(self, why: str) -> None:
+        """Say that there are no pictures, and stop an arm that moves: nobody watches it."""
+        self.sight, self.blind = None, why
+        frame = self.arm.ring.latest()
+        if frame is not None and frame["mode"] in (Mode.RUNNING, Mode.WORKING):
+            why = f"{why}; the arm was stopped"
+            with contextlib.suppress(ArmError):
+                self.arm.send(cmd.Stop())
+        self._hear(News(why, bad=True))
 
     def _lost(self) -> None:
         try:
@@ -346,6 +365,8 @@ class Studio:
             with self._scene_lock:
                 self.scene.show(frames[-1])
                 if turn % round(VIEW_RATE / _TRAIL_RATE) == 0:
+                    if not (self.blind or self.eye.is_alive):
+                        self._go_blind(_EYE_ENDED)
                     self.scene.show_trail(np.concatenate(trail))
                     trail = []
                     located = self.located()
@@ -354,7 +375,7 @@ class Studio:
             if turn % 2 == 0:
                 extra = {"holder": self.controls.holder, "tabs": self.controls.tabs, "seen": seen}
                 message = feed.numbers_message(
-                    np.concatenate(pending), self.robot, np.array(lateness), extra
+                    np.concatenate(pending), self.robot, np.array(lateness), extra, self.blind
                 )
                 self.live.send(message)
                 pending = []

@@ -209,7 +209,11 @@ function showSeen(message) {
     setText(row.querySelector(".where"), `${it.point.map((x) => (100 * x).toFixed(1)).join(", ")} cm`);
     setText(row.querySelector(".sigma"), `depth ${(100 * it.depth).toFixed(1)} ± ${(100 * it.sigma).toFixed(1)} cm`);
   });
-  byId("nothing").hidden = message.seen.length > 0;
+  const nothing = byId("nothing");
+  nothing.hidden = message.seen.length > 0;
+  nothing.dataset.text ??= nothing.textContent;
+  setText(nothing, message.blind ? `No picture: ${message.blind}` : nothing.dataset.text);
+  byId("picture").classList.toggle("old", Boolean(message.blind));
 }
 
 function seenRow(it, index) {
