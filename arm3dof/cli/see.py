@@ -27,7 +27,7 @@ CameraName = Annotated[
     typer.Option(
         "--camera",
         metavar="CAMERA",
-        help="The camera that took the picture: a CAMERA.toml, or a preset (paper, desk).",
+        help="The camera that took the picture: a CAMERA.toml, or a preset (paper, desk, front).",
         show_default=False,
     ),
 ]
@@ -141,7 +141,9 @@ def see(
     from arm3dof.vision.sources import write_image
 
     if camera is None:
-        raise InputError("no camera: give --camera with a CAMERA.toml, or a preset (paper, desk)")
+        raise InputError(
+            "no camera: give --camera with a CAMERA.toml, or a preset (paper, desk, front)"
+        )
     if save is not None and learn is None:
         raise InputError("--save keeps what --learn has learned; give --learn U,V too")
     setup = load_camera(camera)

@@ -41,8 +41,8 @@ def stand_both(
         table_height: of the table in the base frame [m].
 
     Returns:
-        The nearer thing, and the farther one, which is ``hidden``. None when two upright things do
-        not look like that.
+        The nearer thing, ``hidden`` where its height is not known, and the farther one, which
+        always is. None when two upright things do not look like that.
     """
     outline = np.asarray(outline, dtype=np.float64)
     ends = neck(contour)

@@ -75,7 +75,7 @@ def guess(target: str, outline: ArrayLike, camera: Camera, table_height: float) 
         table_height: of the table in the base frame [m].
 
     Returns:
-        A thing, ``hidden``; None when no line of sight to it meets the table.
+        A thing, ``hidden``; None when not every line of sight to it meets the table.
     """
     start = first_guess(camera.rays(outline), camera, table_height)
     return None if start is None else _guessed(target, start)

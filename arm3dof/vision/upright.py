@@ -58,7 +58,10 @@ def across(kind: str, state: Array) -> float:
 
 
 def first_guess(rays: Array, camera: Camera, table_height: float) -> Array | None:
-    """Return x, y, width and height as the shadow has them that a lamp in the lens would cast."""
+    """Return x, y, width and height as the shadow has them that a lamp in the lens would cast [m].
+
+    None when not every line of sight, rows of ``rays``, shape (n, 3), meets the table.
+    """
     sights = rays @ camera.transform_base_camera[:3, :3].T
     above = float(camera.position[2]) - table_height
     if above <= 0 or (sights[:, 2] >= 0).any():

@@ -1,7 +1,8 @@
 """How far an arm's links are from the table and from things that stand on it.
 
-Each collision shape of a moving link is stood for by points on its surface, a centimetre or less
-apart; a thing is an upright cylinder. What is held moves with the tool and is points as well.
+Each collision shape of a moving link is stood for by points on its bounding box, 8 mm or less
+apart; meshes are left out. A thing is an upright cylinder. What is held moves with the tool and is
+points as well.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ class Tray:
         return dx <= self.half_size[0] + slack and dy <= self.half_size[1] + slack
 
     def slots(self, count: int = 3) -> tuple[tuple[float, float], ...]:
-        """Return places in it, as far from each other as they can be, shape (count, 2) [m]."""
+        """Return places in it, evenly around its middle, (x, y) each [m]."""
         radius = 0.62 * min(self.half_size)
         outwards = math.atan2(self.y, self.x)
         turns = (outwards + 2 * math.pi * k / count for k in range(count))
@@ -106,7 +106,7 @@ class Grasping:
         self._left, self.finished, self.ends_when_empty = attempts, False, False
 
     def choose(self, things: Sequence[Standing], gripping: Gripping) -> Job | Refusal | None:
-        """Return the job of the thing that can be grasped best; see ``Goal``."""
+        """Return the job of the first thing that can be grasped; see ``Goal``."""
         if self.finished:
             return None
         wanted = [thing for thing in things if thing.target == self._target]

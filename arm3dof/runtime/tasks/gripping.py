@@ -1,7 +1,7 @@
 """Which things can be grasped, and where they can be put: the region, with a reason.
 
 The arm's last joint moves in the vertical plane through its base, so where the tool is decides how
-the forearm slants: about 70 degrees down near the base, and nearly level at full stretch. The
+the forearm slants: 80 degrees down near the base, and nearly level at full stretch. The
 fingers close across that plane. A thing can be grasped where
 
 - it is seen whole, and fits between the fingers, with room for what is not known about its place;

@@ -67,7 +67,7 @@ class Event(Worded):
     LOST = "lost", "the fingers have closed further: the thing is gone"
     OPENED = "opened", "the fingers are open"
     MORE = "more", "there is more to be done"
-    GIVEN_UP = "given_up", "every attempt has been made"
+    GIVEN_UP = "given_up", "no further attempt is made"
     FINISHED = "finished", "all is done"
 
 
@@ -152,7 +152,8 @@ TRANSITIONS: Mapping[Phase, Mapping[Event, Phase]] = MappingProxyType(
         Phase.FAILED: {},
     }
 )
-"""Where each event leads. An event that a phase does not list cannot happen in it."""
+"""Where each event leads. An event that a phase does not list cannot happen in it, but that a task
+without time or without a way on fails in any phase, by ``GIVEN_UP``."""
 
 
 @dataclass(frozen=True)

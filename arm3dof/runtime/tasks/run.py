@@ -10,7 +10,7 @@ from arm3dof.control.mpc import MpcController
 from arm3dof.control.settings import MpcSettings
 from arm3dof.control.step import ControlStep
 from arm3dof.model.robot import Robot
-from arm3dof.runtime.tasks.machine import Failure, Phase, Refusal, Step
+from arm3dof.runtime.tasks.machine import Phase, Refusal, Step
 from arm3dof.runtime.tasks.pick_and_place import PickAndPlace
 from arm3dof.runtime.tasks.signals import Gripper, Sight
 from arm3dof.sim.plant import Plant
@@ -74,10 +74,9 @@ def run_task(
     robot: Robot,
     *,
     settings: MpcSettings = TASK_SETTINGS,
-    longest: float = 90.0,
     watch: Callable[[JointState, ControlStep, Phase], None] | None = None,
 ) -> TaskResult:
-    """Run a task to its end.
+    """Run a task to its end, which its own limit of time brings if nothing else does.
 
     The task is told what the joints and the gripper measure and what the eye sees, nothing else.
     Between two control steps the torque is held, and at the end the arm. When the payload
@@ -89,7 +88,6 @@ def run_task(
         eye: what sees.
         robot: the robot as the controller knows it.
         settings: of the controller.
-        longest: the longest run [s].
         watch: called after each control step.
     """
     hold = max(round(settings.dt / plant.dt), 1)
@@ -97,7 +95,7 @@ def run_task(
     controller, payload = MpcController(robot, settings), 0.0
     over: float | None = None
     while over is None or plant.state.t < over + REST - 1e-9:
-        if over is None and (task.phase.is_final or plant.state.t - start >= longest):
+        if over is None and task.phase.is_final:
             over = plant.state.t
         measured = plant.measure()
         sight = eye.sight(measured.t, task.phase is Phase.LOOK)
@@ -114,7 +112,4 @@ def run_task(
             plant.step(answer.tau)
             if remaining:  # the last reading is the next step's measurement
                 controller.observe(plant.measure())
-    failure = task.failure
-    if not task.phase.is_final:
-        failure = Refusal(Failure.TIMED_OUT, f"{longest:.0f} s")
-    return TaskResult(task.phase, tuple(task.steps), failure, over - start)
+    return TaskResult(task.phase, tuple(task.steps), task.failure, over - start)
