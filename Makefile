@@ -14,7 +14,7 @@ export OMP_NUM_THREADS := 1
 PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo studio test test-fast test-slow test-studio lint format types contract docs bench images screenshots clean
+.PHONY: help demo studio test test-slow test-studio lint format types contract docs bench images screenshots clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s  %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -25,14 +25,10 @@ demo: $(BASE)  ## picture -> target -> motion, then a page that plays it (ARGS=-
 studio: $(LIVE)  ## a live page: see, aim, grasp, tune (ARGS=--no-browser: only serve it)
 	$(BIN)/arm3dof studio $(ARGS)
 
-test: $(DEV)  ## the tests, browser tests included; about three minutes
-	@$(BIN)/python tools/ensure_chromium.py
+test: $(DEV)  ## the tests, but for the slow ones; about two minutes
 	$(PYTEST) -m "not slow" $(ARGS)
 
-test-fast: $(DEV)  ## the tests that need no browser
-	$(PYTEST) -m "not slow and not browser" $(ARGS)
-
-test-slow: $(DEV)  ## physics campaigns, large samples
+test-slow: $(DEV)  ## the rest: browsers, physics, large samples, whole commands
 	@$(BIN)/python tools/ensure_chromium.py
 	$(PYTEST) -m "slow and not studio" $(ARGS)
 

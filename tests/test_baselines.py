@@ -261,6 +261,7 @@ def test_results_cannot_be_written_to(robot):
                 array[0] = 9.0
 
 
+@pytest.mark.slow
 def test_another_arm_is_tuned_too():
     robot = load_robot("arm3dof", locked_joints={"joint1": 0.0})
     gains = tune_gains(robot, DT, integrates=True)

@@ -24,7 +24,7 @@ from arm3dof.ui.report import write_replay
 from arm3dof.ui.server import LocalServer, serve
 from arm3dof.ui.shapes import move
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
 EXACT = 1e-9
 
 

@@ -146,6 +146,7 @@ def test_mujoco_s_pictures_are_seen_as_well():
     assert report["median_error_m"] < 0.003
 
 
+@pytest.mark.slow
 def test_the_command_counts_and_resumes(tmp_path):
     def run(*words):
         said = io.StringIO()

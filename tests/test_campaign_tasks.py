@@ -5,6 +5,7 @@ import json
 import pytest
 
 
+@pytest.mark.slow
 def test_a_campaign_of_grasping(ask, run, tmp_path):
     words = ("campaign", "grasp", "--n", "1", "--seed", "5", "--workers", "1", "--out", tmp_path)
     code, answer = ask(*words)

@@ -262,6 +262,7 @@ def test_simulate_with_the_papers_controller(ask, refused):
     assert "torque" in refused("simulate", "--formulation", "mine")
 
 
+@pytest.mark.slow
 def test_simulate_by_the_other_engine(ask, tmp_path):
     words = ("--duration", "2", "--payload-kg", "0.05", "--push", "0.5,joint1,5")
     settling = []
@@ -572,6 +573,7 @@ def test_doctor_finds_this_installation_sound(ask, run):
     assert "all is well" in run("doctor")[1]
 
 
+@pytest.mark.slow
 def test_doctor_sees_what_is_missing(monkeypatch, ask, run):
     real = metadata.version
 
@@ -595,6 +597,7 @@ def test_doctor_sees_what_is_missing(monkeypatch, ask, run):
     assert "->" in run("doctor")[1]
 
 
+@pytest.mark.slow
 def test_doctor_on_a_bare_machine(monkeypatch):
     """A taken port, no GL and no browser are said, and none of them stands in the way."""
     monkeypatch.setattr(doctor.shutil, "which", lambda name: None)
@@ -609,6 +612,7 @@ def test_doctor_on_a_bare_machine(monkeypatch):
         assert findings[found].cure
 
 
+@pytest.mark.slow
 def test_doctor_tells_what_the_physics_world_is_drawn_with(monkeypatch, tmp_path):
     finding = next(it for it in doctor.examine() if it.what == "physics world")
     assert finding.ok

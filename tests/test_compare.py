@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from arm3dof.cli import app
@@ -207,6 +208,7 @@ def test_every_task_is_done_once_and_reported(workers):
     assert dict(run_all(square, [], workers=workers)) == {}
 
 
+@pytest.mark.slow
 def test_errors_of_workers_are_the_callers():
     for workers in (1, 2):
         with pytest.raises(InputError, match="cannot do"):
@@ -227,6 +229,7 @@ def test_a_packed_robot_is_the_robot_and_is_built_once(robot):
     assert packed.unpack() is packed.unpack()
 
 
+@pytest.mark.slow
 def test_processes_change_no_figure_but_step_times(robot, paper_moves, comparison):
     shared = compare(robot, paper_moves, FAST, workers=2)
     for row, expected in zip(shared.table(), comparison.table()[1:], strict=True):
@@ -279,6 +282,7 @@ def has_children(pid, count):
     return len(children.read_text().split()) >= count
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_every_process_with_one_word(tmp_path):
     program = [sys.executable, "-c", "import arm3dof.cli as c, sys; sys.exit(c.main())"]
     words = ["compare", "--controller", "computed-torque", "--scenarios", "full", "--workers", "2"]
@@ -296,6 +300,22 @@ def test_ctrl_c_stops_every_process_with_one_word(tmp_path):
         os.killpg(process.pid, signal.SIGINT)
         out, err = process.communicate(timeout=20)  # ends when no process holds the pipes
     assert (process.returncode, out, err) == (130, "", "stopped\n")
+
+
+@pytest.mark.slow
+def test_workers_end_when_the_command_is_killed(tmp_path):
+    program = [sys.executable, "-c", "import arm3dof.cli as c, sys; sys.exit(c.main())"]
+    words = ["compare", "--controller", "computed-torque", "--scenarios", "full", "--workers", "2"]
+    with subprocess.Popen(
+        [*program, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    ) as process:
+        pause = threading.Event()
+        while not has_children(process.pid, 3):
+            pause.wait(0.02)
+        left = psutil.Process(process.pid).children()
+        process.kill()
+        process.communicate(timeout=20)  # ends when no process holds the pipe
+    assert psutil.wait_procs(left, timeout=20)[1] == []
 
 
 def test_tuned_controllers_say_their_gains(robot, comparison):

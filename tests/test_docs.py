@@ -140,6 +140,7 @@ def keys(value):
     return None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["demo", "ik", "simulate", "see", "calibrate focal", "check", "robots", "doctor"]
 )

@@ -218,12 +218,14 @@ def derivation():
     return script, script.derive()
 
 
+@pytest.mark.slow
 def test_the_terms_are_what_the_derivation_gives(derivation, monkeypatch):
     script, lines = derivation
     monkeypatch.setattr(script, "derive", lambda: lines)
     assert script.main(["--check"]) == 0
 
 
+@pytest.mark.slow
 def test_terms_that_were_edited_are_found(derivation, monkeypatch, tmp_path, capsys):
     script, lines = derivation
     monkeypatch.setattr(script, "derive", lambda: lines)
@@ -237,6 +239,7 @@ def test_terms_that_were_edited_are_found(derivation, monkeypatch, tmp_path, cap
     assert script.main(["--check"]) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("listing", "name"), [(0, "m12"), (1, "n13"), (2, "g2_link2")])
 def test_a_wrong_term_is_not_proved(derivation, listing, name):
     script, lines = derivation

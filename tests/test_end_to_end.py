@@ -104,6 +104,7 @@ def test_a_story_in_which_the_object_is_too_far(paper, tmp_path):
     assert json.loads((tmp_path / "summary.json").read_text())["reason"] == "too_far"
 
 
+@pytest.mark.slow
 def test_a_story_that_ends_too_soon(paper, tmp_path):
     picture = draw_demo(paper.camera, np.random.default_rng(1))
     green = [paper.targets["green"]]
@@ -161,6 +162,7 @@ def test_the_camera_is_filmed(demo):
     assert (folder / "camera.mp4").stat().st_size > 50_000
 
 
+@pytest.mark.slow
 def test_without_physics_a_picture_is_drawn(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(demo_command, "why_no_physics", lambda robot: "MuJoCo is not installed")
     assert app.main(["demo", "--no-serve", "--json", "--out", str(tmp_path)]) == 0
@@ -174,6 +176,7 @@ def test_an_arm_without_a_gripper_does_not_grasp():
     assert why_no_physics(arm3dof.load_robot("arm3dof")) is None
 
 
+@pytest.mark.slow
 def test_demo_on_a_photograph_runs_through_to_a_settled_arm(demo):
     code, answer, _ = demo("--image", COFFEE)
     assert code == 0
@@ -183,6 +186,7 @@ def test_demo_on_a_photograph_runs_through_to_a_settled_arm(demo):
     assert answer["objects"][0]["depth_m"] == pytest.approx(0.2, rel=0.03)
 
 
+@pytest.mark.slow
 def test_demo_on_a_photograph_for_people(capsys, tmp_path):
     words = ["demo", "--no-serve", "--image", str(FLOWER), "--out", str(tmp_path)]
     assert app.main(words) == 0
@@ -201,6 +205,7 @@ def test_demo_assumes_only_what_is_not_given(demo):
     assert set(answer["assumed"]) == {"focal_px"}
 
 
+@pytest.mark.slow
 def test_demo_with_a_camera_and_its_target(demo, tmp_path, paper):
     image = tmp_path / "table.png"
     cv2.imwrite(str(image), draw_demo(paper.camera, np.random.default_rng(3)))

@@ -17,7 +17,15 @@ def test_there_are_examples():
     assert numbers == list(range(1, len(EXAMPLES) + 1))
 
 
-SLOW = {"18_sort"}  # half a minute of physics
+SLOW = {  # seconds each: physics, many runs, files for sharing
+    "07_look_at_it",
+    "12_sweep_the_weights",
+    "13_compare",
+    "16_physics_world",
+    "17_grasp",
+    "18_sort",
+    "19_share_a_run",
+}
 
 
 def marked(path):

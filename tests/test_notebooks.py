@@ -75,6 +75,7 @@ def test_show_is_the_page_in_a_frame_of_its_own() -> None:
 
 
 @pytest.mark.browser
+@pytest.mark.slow
 @pytest.mark.parametrize("charts", [False, True])
 def test_it_plays_inside_another_page(charts: bool, tmp_path: Path) -> None:
     run = smooth_run(load_robot(), duration=0.5)

@@ -193,6 +193,7 @@ def inertials(robot):
     return [link.inertial for link in urdf.links[1:] if link.inertial is not None]
 
 
+@pytest.mark.slow
 def test_drawn_errors_stay_inside_their_bounds_and_differ(arm):
     rng = np.random.default_rng(8)
     ratios, shifts = [], []

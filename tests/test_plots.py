@@ -194,6 +194,7 @@ def test_a_long_run_is_thinned_and_keeps_its_peaks() -> None:
         assert values.max() == run.tau[:, joint].max()
 
 
+@pytest.mark.slow
 def test_figures_are_saved_whole(run: Recording, tmp_path: Path) -> None:
     before = dict(mpl.rcParams)
     paths = plots.save_figures(run, tmp_path / "new" / "folder")

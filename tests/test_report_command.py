@@ -31,6 +31,7 @@ def test_the_page_goes_beside_the_recording(run: Path, capsys: pytest.CaptureFix
     assert (run.parent / "report.html").stat().st_size < 5_000_000
 
 
+@pytest.mark.slow
 def test_every_kind_of_file_is_written_and_listed(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -19,7 +19,7 @@ from arm3dof.runtime.recording import Recording
 from arm3dof.ui.replay import frame_times
 from arm3dof.ui.report import write_report
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
 EXACT = 1e-9
 CHARTS = 5  # four quantities and the strip of statuses
 

@@ -163,7 +163,7 @@ def test_an_object_that_is_nailed_down_blocks_the_arm():
 
 
 def test_what_is_drawn_can_be_grasped():
-    for seed in range(15):
+    for seed in range(6):
         rng = np.random.default_rng(seed)
         task = random_grasp(ROBOT, rng)
         assert isinstance(gripping_of(ROBOT).grip(as_seen(task.body)), Grip)

@@ -155,6 +155,7 @@ def test_taking_a_picture_changes_nothing_in_the_world(coins):
     assert first.dtype == np.uint8
 
 
+@pytest.mark.slow
 def test_cameras_that_are_dropped_leave_the_others_their_pictures(coins):
     wanted = picture_of(coins)
     for _ in range(4):

@@ -22,7 +22,7 @@ def main() -> None:
         say("installing Playwright's chromium for the browser tests")
         subprocess.run([*playwright, "install", "chromium"], check=False)
     if (browser := find()) is None:
-        stop("no Chromium could be found or installed; run make test-fast, which needs none")
+        stop("no Chromium could be found or installed; make test needs none")
     say(f"browser: {browser}")
 
 

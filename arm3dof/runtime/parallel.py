@@ -6,11 +6,13 @@ import json
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import lru_cache
+from multiprocessing.process import BaseProcess
 from typing import TypeVar
 
 from arm3dof.errors import ArmError, InputError
@@ -90,7 +92,9 @@ def run_all(
             _tell(progress, index + 1, total)
         return
     context = multiprocessing.get_context("spawn")
-    executor = ProcessPoolExecutor(min(workers, total), mp_context=context)
+    executor = ProcessPoolExecutor(
+        min(workers, total), mp_context=context, initializer=_end_with_parent
+    )
     try:
         futures = _start(executor, function, tasks)
         for done, future in enumerate(as_completed(futures), start=1):
@@ -113,6 +117,21 @@ def _start(
         return {executor.submit(function, task): index for index, task in enumerate(tasks)}
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
+def _end_with_parent() -> None:
+    """End this worker when the process that it works for is gone, however that was ended.
+
+    The pool's own pipes do not tell: every worker holds both of their ends.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
+
+
+def _end_after(process: BaseProcess) -> None:
+    process.join()
+    os._exit(1)  # nobody waits for what this one does
 
 
 def _tell(progress: Progress | None, done: int, total: int) -> None:
