@@ -26,7 +26,6 @@ class Program(Protocol):
         hessian_inverse: H^-1, shape (n, n).
         refine: whether H is so ill-conditioned that products with its inverse need refinement.
         w_free: minimiser of the cost without limits, shape (n,).
-        start: decisions near which the optimum is expected, shape (n,); ``None`` if unknown.
         fixed: which values do not depend on w at all, shape (3, N, nv); ``None`` if all do.
     """
 
@@ -38,7 +37,7 @@ class Program(Protocol):
 
     @property
     def start(self) -> Array | None:
-        """See above."""
+        """Decisions near which the optimum is expected, shape (n,); ``None`` if unknown."""
 
     def values(self, w: Array) -> Array:
         """Return torques, positions and velocities, shape (3, N, nv)."""
