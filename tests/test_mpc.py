@@ -217,7 +217,7 @@ def test_no_input_makes_a_torque_that_is_not_safe(robot, name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FUZZED)
-def test_ten_thousand_hostile_steps(robot, name):
+def test_thousands_of_hostile_steps(robot, name):
     fuzz(weak(robot, 0.8), FUZZED[name], seed=11, steps=1200)
 
 
