@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 import gc
+import http.client
+import json
+import re
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
 
 import numpy as np
 import psutil
@@ -21,6 +29,7 @@ from arm3dof.runtime.live.process import ArmLoop
 from arm3dof.ui.studio import feed
 from arm3dof.ui.studio.keep import Runs
 from arm3dof.ui.studio.scene import LiveScene
+from arm3dof.ui.studio.visitors import MOST
 
 pytestmark = pytest.mark.slow
 HOUR, QUARTER = 3600.0, 900.0  # [s]
@@ -84,3 +93,127 @@ def test_six_hundred_listeners_leave_no_trace(program: Program) -> None:
             memory, files = server.memory_info().rss, server.num_fds()
     assert server.memory_info().rss < 1.05 * memory
     assert server.num_fds() <= files + 2
+
+
+# ---- pages that come and go ----------------------------------------------------------------------
+
+COUNTED = """
+import gc, json, sys
+from pathlib import Path
+import numpy as np
+import psutil
+from nicegui import Client
+from arm3dof.cli.studio import file_store
+from arm3dof.config.camera_file import load_camera
+from arm3dof.model.library import load_robot
+from arm3dof.runtime.live.eye import Watch
+from arm3dof.runtime.live.eye_process import EyeSpec
+from arm3dof.runtime.live.tuned import Tuned
+from arm3dof.ui.demo_scene import demo_table
+from arm3dof.ui.server import LocalServer
+from arm3dof.ui.studio.site import build_site
+from arm3dof.ui.studio.studio import Studio
+robot = load_robot()
+eye = EyeSpec(load_camera("desk").camera, Watch(()), demo_table(np.random.default_rng(0)))
+live = Studio(Tuned(), robot, np.zeros(robot.nv), eye, Path(sys.argv[1]), file_store())
+try:
+    with LocalServer(build_site(live)) as server:
+        print(server.port, flush=True)
+        for _ in sys.stdin:
+            gc.collect()
+            memory = psutil.Process().memory_info().rss
+            print(json.dumps([len(Client.instances), memory]), flush=True)
+finally:
+    live.close()
+"""
+
+
+class Counted:
+    """A studio in a process of its own, that says how many pages it keeps."""
+
+    def __init__(self, folder: Path) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", COUNTED, str(folder)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            bufsize=1,
+        )
+        self.port = int(self._process.stdout.readline())
+
+    def load(self) -> str:
+        """Load the page, and return the name that it has there."""
+        with closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)) as line:
+            line.request("GET", "/")
+            answer = line.getresponse()
+            body = answer.read().decode()
+        assert answer.status == 200
+        return re.search(r"client_id[^0-9a-f]+([0-9a-f-]{36})", body)[1]
+
+    @contextmanager
+    def enter(self, name: str) -> Iterator[bool]:
+        """Be connected as a browser that has loaded the page, and tell whether it was known."""
+        words = f"EIO=4&transport=websocket&client_id={name}&implicit_handshake=true"
+        address = f"ws://127.0.0.1:{self.port}/_nicegui_ws/socket.io/?{words}"
+        ids = f"&next_message_id=0&tab_id={name}&document_id={name}"
+        with connect(address + ids, proxy=None, max_size=None, open_timeout=60) as page:
+            page.recv(timeout=60)
+            page.send("40")
+            while not (said := str(page.recv(timeout=60))).startswith("4"):
+                if said == "2":
+                    page.send("3")
+            yield said.startswith("40")
+
+    def count(self) -> tuple[int, float]:
+        """How many pages it keeps, and its memory [MiB]."""
+        self._process.stdin.write("?\n")
+        pages, memory = json.loads(self._process.stdout.readline())
+        return pages, memory / 2**20
+
+    def close(self) -> None:
+        self._process.stdin.close()
+        self._process.wait(60)
+        self._process.stdout.close()
+
+
+@pytest.fixture
+def counted(tmp_path: Path) -> Iterator[Counted]:
+    running = Counted(tmp_path)
+    yield running
+    running.close()
+
+
+def test_two_hundred_page_loads_leave_no_growth(counted: Counted) -> None:
+    memory = 0.0
+    for number in range(1, 201):
+        last = counted.load()
+        if number % 50 == 0:
+            pages, now = counted.count()
+            print(f"{number} loads: {pages} pages kept, {now:.0f} MiB")
+            assert pages <= MOST
+            memory = memory or now
+    assert now < 1.05 * memory
+    with counted.enter(last) as known:  # the last one is still waited for
+        assert known
+
+
+def test_tabs_that_come_and_go_are_forgotten(counted: Counted) -> None:
+    kept, _ = counted.count()
+    for _ in range(30):
+        with counted.enter(counted.load()) as known:
+            assert known
+            assert counted.count()[0] > kept
+    end = time.monotonic() + 60  # each has some seconds to come back
+    while counted.count()[0] > kept:
+        assert time.monotonic() < end
+
+
+def test_a_tab_that_stays_outlives_a_burst_of_loads(counted: Counted) -> None:
+    with counted.enter(counted.load()):
+        early = counted.load()
+        for _ in range(MOST):
+            counted.load()
+        assert counted.count()[0] == MOST + 1
+        with counted.enter(early) as known:  # given up: its browser is told, and loads it anew
+            assert not known
+        assert counted.count()[0] == MOST + 1

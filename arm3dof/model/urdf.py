@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from xml.etree import ElementTree
 
 import numpy as np
@@ -137,8 +138,9 @@ class Urdf:
         return tuple(joint for joint in self.joints if joint.moves)
 
 
+@lru_cache(maxsize=8)
 def read_urdf(source: str | bytes) -> tuple[Urdf | None, tuple[Problem, ...]]:
-    """Read URDF text.
+    """Read URDF text; the last few that were read are remembered.
 
     Args:
         source: the file's text or bytes.
@@ -261,7 +263,9 @@ def _inertial(element: ElementTree.Element, where: str, reader: NumberReader) ->
         reader.number(tensor, key, where, "inertia")
         for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
-    return Inertial(mass, com, rpy, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    inertia.flags.writeable = False
+    return Inertial(mass, com, rpy, inertia)
 
 
 def _joint(element: ElementTree.Element, reader: NumberReader) -> Joint:

@@ -51,8 +51,11 @@ class NumberReader:
     ) -> Array:
         """Return as many numbers as ``default`` has, or ``default`` where the file gives none."""
         if element is None or key not in element.attrib:
-            return np.array(default)
-        return self._numbers(element, key, where, len(default))
+            values = np.array(default)
+        else:
+            values = self._numbers(element, key, where, len(default))
+        values.flags.writeable = False
+        return values
 
     def origin(self, parent: Element, where: str) -> tuple[Array, Array]:
         """Return ``xyz`` [m] and ``rpy`` [rad] of the element's <origin>, zeros without one."""

@@ -7,6 +7,7 @@ poses can be read back from the page; its shapes are fixed below it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -48,6 +49,7 @@ class RobotDrawing:
     def __init__(
         self, robot: Robot, path: str = "/robot", color: Sequence[float] | None = None
     ) -> None:
+        self._robot = robot
         self._model = robot.model
         self._data = self._model.createData()
         self._path = path
@@ -58,7 +60,6 @@ class RobotDrawing:
             if frame.type == pin.FrameType.BODY
         }
         self._frames = tuple(links.values())
-        self._hand = _Hand.of(robot, tuple(links))
         self.link_names: tuple[str, ...] = tuple(links)
         visuals, missing = read_visuals(robot.description)
         drawn = {visual.link for visual in visuals}
@@ -66,6 +67,11 @@ class RobotDrawing:
         if self.stand_ins or not visuals:
             visuals += stick_figure(self._model, robot.tool_frame, drawn)
         self.visuals: tuple[Visual, ...] = visuals
+
+    @cached_property
+    def _hand(self) -> _Hand | None:
+        """The gripper's own model, which only a drawing whose fingers move needs."""
+        return _Hand.of(self._robot, self.link_names)
 
     def node(self, link: str) -> str:
         """Return the path of a link's node."""

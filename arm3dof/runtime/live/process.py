@@ -189,6 +189,7 @@ def _live(
     """Be the arm's process."""
     with contextlib.suppress(OSError, AttributeError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
+    os.environ["MUJOCO_GL"] = "disable"  # nothing is drawn here, and to load a renderer takes time
     arm = spec.build(None if mind is None else RemoteMind(mind))
     arm.advance()  # imports and first allocations happen before time counts
     gc.collect()

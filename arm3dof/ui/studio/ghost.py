@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from arm3dof.model.robot import Robot
 from arm3dof.state import Array
 from arm3dof.ui import shapes
 from arm3dof.ui.facets import Facets, facets
@@ -17,25 +16,27 @@ from arm3dof.ui.meshcat_window import Command
 class Ghost:
     """A robot below one node of the scene, every link one mesh: a shape drawn costs as much."""
 
-    def __init__(self, robot: Robot, path: str, color: Sequence[float]) -> None:
+    def __init__(self, drawing: RobotDrawing, path: str, color: Sequence[float]) -> None:
         """Create a ghost that is not drawn yet.
 
         Args:
-            robot: what to draw.
+            drawing: the robot; any number of ghosts may share it.
             path: the node, for example ``/ghost``.
             color: red, green, blue and opacity from 0 to 1.
         """
-        self._drawing, self._path = RobotDrawing(robot, path, color), path
+        self._drawing, self._path = drawing, path
         self._look = shapes.material(color, "Lambert", flatShading=True)
 
-    def objects(self) -> list[Command]:
-        """Return the commands that draw it."""
-        cut = facets(self._drawing.pieces())
+    def objects(self, meshes: Mapping[str, Array]) -> list[Command]:
+        """Return the commands that draw it.
+
+        Args:
+            meshes: of ``link_meshes``.
+        """
         commands: list[Command] = []
-        for number, link in enumerate(self._drawing.link_names):
-            corners = _triangles(cut, number)
+        for link, corners in meshes.items():
             if corners.size:
-                path = f"{self._drawing.node(link)}/0"
+                path = f"{self._path}/{link}/0"
                 faces = np.arange(len(corners)).reshape(-1, 3)
                 commands += [
                     shapes.draw(path, shapes.triangles(corners, faces), self._look),
@@ -45,11 +46,18 @@ class Ghost:
 
     def poses(self, q: Array) -> list[Command]:
         """Return the commands that put it to a configuration, shape (nv,) [rad]."""
-        return self._drawing.poses(q)
+        links = zip(self._drawing.link_names, self._drawing.placements(q), strict=True)
+        return [shapes.pose(f"{self._path}/{name}", place) for name, place in links]
 
     def seen(self, visible: bool) -> Command:
         """Return the command that shows or hides it."""
         return shapes.set_property(self._path, "visible", visible)
+
+
+def link_meshes(drawing: RobotDrawing) -> dict[str, Array]:
+    """Return each link as one mesh: the corners of its triangles, shape (3 n, 3) [m]."""
+    cut = facets(drawing.pieces())
+    return {link: _triangles(cut, number) for number, link in enumerate(drawing.link_names)}
 
 
 def _triangles(cut: Facets, owner: int) -> Array:

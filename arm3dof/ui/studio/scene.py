@@ -13,7 +13,7 @@ from arm3dof.state import Array
 from arm3dof.ui import shapes
 from arm3dof.ui.meshcat_scene import GHOST, Scene
 from arm3dof.ui.meshcat_window import Command, MeshcatWindow
-from arm3dof.ui.studio.ghost import Ghost
+from arm3dof.ui.studio.ghost import Ghost, link_meshes
 from arm3dof.ui.style import COLORS
 from arm3dof.ui.things import body_poses, draw_world
 from arm3dof.vision.camera import Camera
@@ -73,15 +73,16 @@ class LiveScene:
         self._scene.look_at(poses)
         self._arm, self._things, self._ahead = _Shown(), _Shown(), _Shown()
         self._q_target: Array | None = None
-        self._target = Ghost(self._robot, "/ghost", GHOST)
+        drawing = self._scene.drawing
+        self._target = Ghost(drawing, "/ghost", GHOST)
         color, opacities = _AHEAD
         self._plan = [
-            Ghost(self._robot, f"/plan/{k}", (*color, opacity))
-            for k, opacity in enumerate(opacities)
+            Ghost(drawing, f"/plan/{k}", (*color, opacity)) for k, opacity in enumerate(opacities)
         ]
         self._plans: bool | None = None
+        meshes = link_meshes(drawing)
         for ghost in (self._target, *self._plan):
-            self.window.post(*ghost.objects())
+            self.window.post(*ghost.objects(meshes))
         self.window.post(*self._bars(), *draw_world(self._world))
         if self._camera is not None:
             self.window.post(*_frustum(self._camera))

@@ -16,6 +16,7 @@ from starlette.routing import Route
 from arm3dof.ui.page import HEADERS
 from arm3dof.ui.studio.page import build_page
 from arm3dof.ui.studio.studio import Studio
+from arm3dof.ui.studio.visitors import Visitors
 
 POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
@@ -52,8 +53,11 @@ def build_site(studio: Studio) -> FastAPI:
         app.router.routes.append(Route(f"/studio/{name}", _asset(name, kind)))
     app.middleware("http")(_keep_to_itself)
 
+    visitors = Visitors()
+
     @ui.page("/", title="arm3dof studio")
     def page() -> None:
+        visitors.expect(ui.context.client)
         build_page(studio)
 
     nicegui_app.on_startup(_bear_stalls)
