@@ -204,3 +204,8 @@ def test_points_yield_the_pose(ask, tmp_path):
         assert code == 2
         assert message in said
     assert ROWS * COLUMNS == 54
+
+
+def test_points_that_cannot_be_read_are_refused(refused, tmp_path):
+    why = refused("calibrate", "pose", "--camera", "desk", "--points", tmp_path / "no.csv")
+    assert why.endswith("no.csv: No such file or directory; give a CSV file")
