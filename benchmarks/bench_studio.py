@@ -5,10 +5,12 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
+import urllib.request
 from pathlib import Path
 
 import numpy as np
 import psutil
+from websockets.sync.client import connect
 
 from arm3dof.cli.studio import eye_spec, file_store
 from arm3dof.model.library import load_robot
@@ -16,6 +18,7 @@ from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.frames import Frames
 from arm3dof.runtime.live.tuned import Tuned
 from arm3dof.ui.server import LocalServer
+from arm3dof.ui.studio import feed
 from arm3dof.ui.studio.site import build_site
 from arm3dof.ui.studio.start import home
 from arm3dof.ui.studio.studio import Studio
@@ -23,8 +26,10 @@ from benchmarks.tables import Table
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from browser import chromium
+from studio import studio as program
 
 TABS = 3
+STARTS = 5
 _MOVES = ((0.5, 1.6, -1.5), (-0.5, 1.5, -1.2), (0.0, 1.9, -1.8))  # [rad]
 _PERIOD = 2.0  # s: how often the arm gets another target
 _WORKS = "studio.live.last && studio.live.pictures > 0"
@@ -62,7 +67,46 @@ def run(*, quick: bool) -> list[Table]:
                 rates, frames, memory = _watch(studio, pages[-1], duration)
         finally:
             studio.close()
-    return [_arm(frames, duration), _page(rates, first, memory)]
+    return [_start(2 if quick else STARTS), _arm(frames, duration), _page(rates, first, memory)]
+
+
+def _start(times: int) -> Table:
+    """Start the program as a person does, and wait for what a page waits for."""
+    with tempfile.TemporaryDirectory() as folder:
+        starts = np.array([_start_once(Path(folder)) for _ in range(times)])
+    names = (
+        "the page answers [s]",
+        "the page has been sent [s]",
+        "the arm's first numbers [s]",
+        "the camera's first picture [s]",
+        "processor time until then, all processes [s]",
+    )
+    rows = [
+        (name, f"{np.median(column):.2f}", f"{column.min():.2f}")
+        for name, column in zip(names, starts.T, strict=True)
+    ]
+    return Table(
+        f"The studio's start: the program with its imports, {times} times",
+        ("from the command to", "median", "best"),
+        rows,
+        f"Load average: {psutil.getloadavg()[0]:.1f}.",
+    )
+
+
+def _start_once(folder: Path) -> list[float]:
+    begin = time.perf_counter()
+    with program(folder) as running:
+        marks = [time.perf_counter() - begin]
+        with urllib.request.urlopen(running.url) as page:
+            page.read()
+        marks.append(time.perf_counter() - begin)
+        first: dict[bytes, float] = {}
+        with connect(f"ws://127.0.0.1:{running.port}/live", proxy=None, max_size=None) as line:
+            while not {feed.NUMBERS, feed.PICTURE} <= first.keys():
+                first.setdefault(bytes(line.recv()[:1]), time.perf_counter() - begin)
+        me = psutil.Process(running.pid)
+        spent = [sum(it.cpu_times()[:2]) for it in (me, *me.children(recursive=True))]
+    return [*marks, first[feed.NUMBERS], first[feed.PICTURE], sum(spent)]
 
 
 def _watch(studio: Studio, page: object, duration: float) -> tuple[dict, list[Frames], list[float]]:

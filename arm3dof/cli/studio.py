@@ -94,9 +94,9 @@ def studio(
     """
     if find_spec("nicegui") is None:
         raise MissingExtra("the studio", "studio")
-    from arm3dof.ui.server import LocalServer, check_entry
     from arm3dof.ui.studio.start import home
     from arm3dof.ui.studio.studio import Studio
+    from arm3dof.ui.token import check_entry
 
     check_entry(host, token)
     tuned = tuned_by(robot, changes, settings)
@@ -112,7 +112,8 @@ def studio(
 
     live = Studio(tuned, arm, home(arm), eye, folder, file_store())
     try:
-        from arm3dof.ui.studio.site import build_site  # a second, in which arm and eye start
+        from arm3dof.ui.server import LocalServer  # a second, in which arm and eye start
+        from arm3dof.ui.studio.site import build_site
 
         serve = partial(LocalServer, build_site(live), host=host, token=token)
         serve_until_interrupted(serve, port, browser=browser, announce=announce)

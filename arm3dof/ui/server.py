@@ -26,12 +26,11 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from arm3dof.errors import ArmError, InputError
 from arm3dof.ui.guard import LoopbackGuard
 from arm3dof.ui.meshcat_window import MeshcatWindow
-from arm3dof.ui.token import TokenGuard, check_token
+from arm3dof.ui.token import HOST, TokenGuard, check_entry
 
 # A broken frame from a client is no news for the terminal; who configures logging still gets it.
 logging.getLogger("uvicorn").addHandler(logging.NullHandler())
 
-HOST = "127.0.0.1"
 MAX_PORT = 65535
 MAX_FRAME = 1 << 20  # bytes in a websocket message from a client
 GRACE = 2  # s: how long open requests may take to end when the server stops
@@ -192,20 +191,6 @@ def serve(window: MeshcatWindow, port: int = 0, mounts: Sequence[BaseRoute] = ()
     server = LocalServer(Starlette(routes=[*mounts, *window.routes()]), port)
     window.web_url = server.url
     return server
-
-
-def check_entry(host: str, token: str | None) -> None:
-    """Refuse to listen beyond this machine without a secret, and a secret that is none.
-
-    Raises:
-        InputError: a token is missing or too short.
-    """
-    if token is not None:
-        check_token(token)
-    elif host != HOST:
-        raise InputError(
-            f"host is {host}, which lets the network in; give a token, or leave it at {HOST}"
-        )
 
 
 def _guard(app: ASGIApp, port: int, token: str | None) -> ASGIApp:

@@ -19,6 +19,8 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from arm3dof.errors import InputError
 from arm3dof.ui.guard import POLICY_VIOLATION
 
+HOST = "127.0.0.1"
+"""The address that only this machine reaches."""
 LEAST = 16
 """Letters that a token has at least."""
 COOKIE = "arm3dof_token"
@@ -110,6 +112,20 @@ def check_token(token: str) -> None:
         raise InputError(
             f"the token has {len(token)} characters; give {LEAST} or more plain ones, such as "
             "those of: python3 -c 'import secrets; print(secrets.token_urlsafe())'"
+        )
+
+
+def check_entry(host: str, token: str | None) -> None:
+    """Refuse to listen beyond this machine without a secret, and a secret that is none.
+
+    Raises:
+        InputError: a token is missing or too short.
+    """
+    if token is not None:
+        check_token(token)
+    elif host != HOST:
+        raise InputError(
+            f"host is {host}, which lets the network in; give a token, or leave it at {HOST}"
         )
 
 
