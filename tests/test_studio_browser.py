@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import chromium, poses, wait_until
+from mjpeg import Stream
 from playwright.sync_api import Browser, Page, TimeoutError, expect
 from studio import Program, studio
 
@@ -16,6 +17,7 @@ from arm3dof.config.camera_file import load_camera
 from arm3dof.model.library import load_robot
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.recording import Recording
+from arm3dof.ui.demo_scene import draw_demo
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.studio]
 expect.set_options(timeout=60_000)
@@ -439,6 +441,31 @@ def test_a_page_comes_back_by_itself_after_a_restart_of_the_server(
             run(page)
     finally:
         page.close()
+
+
+def test_a_stream_that_ends_is_said_on_the_page_and_comes_back(
+    browser: Browser, tmp_path: Path
+) -> None:
+    stream = Stream(draw_demo(load_camera("desk").camera, np.random.default_rng(0)))
+    status, nothing = "#status", "#nothing"
+    try:
+        with (
+            studio(tmp_path, "--camera", stream.url) as program,
+            visit(browser, program.url) as page,
+        ):
+            page.wait_for_function(f"{LAST}.seen.some((it) => it.name === 'green')")
+            run(page)
+            stream.off.set()
+            page.wait_for_function(f"{LAST}.blind && {LAST}.mode === 0")
+            expect(page.locator(status)).to_contain_text("Holding still. No picture: http://127")
+            expect(page.locator(nothing)).to_contain_text("has ended; check the camera")
+            expect(page.get_by_role("alert").first).to_contain_text("the arm was stopped")
+            snap(page, "blind")
+            stream.off.clear()
+            page.wait_for_function(f"!{LAST}.blind && {LAST}.seen.length > 0")
+            expect(page.locator(status)).not_to_contain_text("No picture")
+    finally:
+        stream.close()
 
 
 # ---- how it looks ------------------------------------------------------------------------------
