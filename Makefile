@@ -62,6 +62,7 @@ images: $(DEV)  ## draw the pictures that the README and the docs show
 	$(BIN)/python tools/make_control_figures.py
 	$(BIN)/python tools/make_physics_figure.py
 	$(BIN)/python tools/make_seeing_figures.py
+	$(BIN)/python tools/make_task_figures.py
 	$(BIN)/python tools/make_images.py
 
 screenshots: $(DEV)  ## photograph the pages that the manual shows

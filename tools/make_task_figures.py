@@ -18,6 +18,7 @@ from arm3dof.runtime.tasks.gripping import Grip, Gripping
 from arm3dof.runtime.tasks.machine import TRANSITIONS, Event, Phase
 from arm3dof.runtime.tasks.simulated import SimulatedTask, task_targets
 from arm3dof.runtime.tasks.sort_trial import TIME_LIMIT, random_table, sorting
+from arm3dof.ui.style import STYLE
 from arm3dof.vision.annotate import annotate
 from arm3dof.vision.standing import Standing
 
@@ -44,8 +45,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=IMAGES)
     folder = parser.parse_args().out
     folder.mkdir(parents=True, exist_ok=True)
-    draw_states().savefig(folder / "task-states.png", dpi=110)
-    draw_region().savefig(folder / "task-region.png", dpi=110)
+    with matplotlib.rc_context(dict(STYLE)):
+        draw_states().savefig(folder / "task-states.png", dpi=110)
+        draw_region().savefig(folder / "task-region.png", dpi=110)
     cv2.imwrite(str(folder / "sort.jpg"), sort_strip(), [cv2.IMWRITE_JPEG_QUALITY, 86])
 
 
@@ -126,7 +128,7 @@ def draw_region() -> plt.Figure:
         xlabel="distance from the base's axis [mm]", ylabel="slant of the forearm [deg]",
         title="How steeply the hand comes down",
     )  # fmt: skip
-    right.grid(alpha=0.3)
+    left.grid(visible=False)
     return figure
 
 
