@@ -141,13 +141,17 @@ class Counted:
         )
         self.port = int(self._process.stdout.readline())
 
+    def ask(self, path: str) -> tuple[int, str]:
+        """The status and the body of an answer."""
+        with closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)) as line:
+            line.request("GET", path)
+            answer = line.getresponse()
+            return answer.status, answer.read().decode()
+
     def load(self) -> str:
         """Load the page, and return the name that it has there."""
-        with closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)) as line:
-            line.request("GET", "/")
-            answer = line.getresponse()
-            body = answer.read().decode()
-        assert answer.status == 200
+        status, body = self.ask("/")
+        assert status == 200
         return re.search(r"client_id[^0-9a-f]+([0-9a-f-]{36})", body)[1]
 
     @contextmanager
@@ -217,3 +221,12 @@ def test_a_tab_that_stays_outlives_a_burst_of_loads(counted: Counted) -> None:
         with counted.enter(early) as known:  # given up: its browser is told, and loads it anew
             assert not known
         assert counted.count()[0] == MOST + 1
+
+
+def test_pages_that_there_are_not_cost_nothing(counted: Counted) -> None:
+    before, _ = counted.count()
+    for path in ("/nothing", "/nothing/here", "/_nicegui/x", "/studio/studio.map") * 10:
+        status, body = counted.ask(path)
+        assert status == 404
+        assert len(body) < 100
+    assert counted.count()[0] == before

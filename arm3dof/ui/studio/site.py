@@ -10,7 +10,7 @@ from fastapi import FastAPI
 from nicegui import app as nicegui_app
 from nicegui import core, ui
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
 from arm3dof.ui.page import HEADERS
@@ -60,6 +60,7 @@ def build_site(studio: Studio) -> FastAPI:
         visitors.expect(ui.context.client)
         build_page(studio)
 
+    nicegui_app.add_exception_handler(404, _unknown)  # in place of a page, which costs a client
     nicegui_app.on_startup(_bear_stalls)
     ui.run_with(
         app,
@@ -82,6 +83,10 @@ def _is_news(record: logging.LogRecord) -> bool:
 
 def _bear_stalls() -> None:
     core.sio.eio.ping_timeout = STALL
+
+
+async def _unknown(request: Request, error: Exception) -> Response:
+    return PlainTextResponse("there is no such page; the studio is at /\n", status_code=404)
 
 
 async def _keep_to_itself(
