@@ -261,7 +261,7 @@ def test_a_stream_that_ends_is_said_once_and_seen_again_when_it_is_back(
         stream.off.clear()
         eventually(lambda: len(heard.seen) > before + 2)
         assert process.is_alive
-    assert heard.blind == [f"{stream.url} has ended; check the camera and start again"]
+    assert heard.blind == [f"{stream.url} has ended; check the camera"]
 
 
 def test_a_stream_that_is_not_there_yet_is_waited_for(stream: Stream, robot: Robot) -> None:
@@ -301,7 +301,7 @@ def test_a_moving_arm_stops_when_its_camera_is_lost(
         after(lambda: mode() is Mode.RUNNING)
         stream.off.set()
         after(lambda: studio.blind and mode() is Mode.HOLDING)
-        why = f"{stream.url} has ended; check the camera and start again"
+        why = f"{stream.url} has ended; check the camera"
         assert studio.blind == why
         assert [(it.text, it.bad) for _, it in studio.news] == [
             (f"{why}; the arm was stopped", True)

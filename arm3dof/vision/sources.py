@@ -223,7 +223,7 @@ def _live(captured: Iterator[Frame], name: str) -> Iterator[Frame]:
     for frame in captured:
         start = monotonic() if start is None else start
         yield replace(frame, t=monotonic() - start)
-    raise CameraLost(f"{name} gives no more pictures; check its cable and start again")
+    raise CameraLost(f"{name} gives no more pictures; check its cable")
 
 
 def _captured(source: str | int, name: str) -> Iterator[Frame]:

@@ -78,7 +78,7 @@ class _Reader:
 
     def lost(self, how: str) -> CameraLost:
         """Return the error that says how the stream was lost."""
-        return CameraLost(f"{self._url} {how}; check the camera and start again")
+        return CameraLost(f"{self._url} {how}; check the camera")
 
     def line(self) -> bytes:
         """Read a line, without its end."""
