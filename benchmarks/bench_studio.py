@@ -32,7 +32,8 @@ TABS = 3
 STARTS = 5
 _MOVES = ((0.5, 1.6, -1.5), (-0.5, 1.5, -1.2), (0.0, 1.9, -1.8))  # [rad]
 _PERIOD = 2.0  # s: how often the arm gets another target
-_WORKS = "studio.live.last && studio.live.pictures > 0"
+_WORKS = """() => studio.live.last && studio.live.pictures > 0
+  && document.getElementById("view").contentWindow.viewer"""
 _COUNT = """() => {
   const view = document.getElementById("view").contentWindow;
   const count = window.counted ??= { frames: 0, start: performance.now() };
