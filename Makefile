@@ -25,11 +25,12 @@ demo: $(BASE)  ## picture -> target -> motion, then a page that plays it (ARGS=-
 studio: $(LIVE)  ## a live page: see, aim, grasp, tune (ARGS=--no-browser: only serve it)
 	$(BIN)/arm3dof studio $(ARGS)
 
-test: $(DEV)  ## the tests, but for the slow ones; about two minutes
+test: $(DEV)  ## the tests, but for the slow ones; minutes
 	$(PYTEST) -m "not slow" $(ARGS)
 
 test-slow: $(DEV)  ## the rest: browsers, physics, large samples, whole commands
 	@$(BIN)/python tools/ensure_chromium.py
+	@$(BIN)/python tools/ensure_renderers.py
 	$(PYTEST) -m "slow and not studio" $(ARGS)
 
 test-studio: $(DEV)  ## a person's path through the studio in a browser; wants idle cores

@@ -45,9 +45,6 @@ def main(extras):
     check_libraries(str(python), "-c", "import pinocchio, proxsuite, cv2")
     if "physics" in extras:
         check_renderer(str(python))
-    if "dev" in extras:  # the tests draw with each
-        for name in RENDERERS:
-            check_renderer(str(python), name)
 
 
 def check_version():

@@ -94,7 +94,10 @@ class Fallback:
             nothing = np.zeros((1, self._robot.nv))
             plan = Plan(nothing, nothing, nothing)
             return Answer(nothing[0], nothing[0], nothing[0], plan, TorqueSource.BRAKING)
-        valid = self._plan is not None and self._age <= min(self._most_steps, len(self._plan.u) - 2)
+        valid = self._plan is not None and self._age <= min(
+            self._most_steps,
+            len(self._plan.u) - 2,  # the last row repeats the one before
+        )
         if self._plan is not None and valid and (self._fits or state is None):
             rest = Plan(*(part[self._age :] for part in self._plan))
             u, source = rest.u[0], TorqueSource.PREVIOUS_PLAN

@@ -182,7 +182,7 @@ def frames(source: str | Path | int, *, timeout: float = 5.0) -> Generator[Frame
         try:
             found = sorted(it for it in path.iterdir() if it.suffix.lower() in IMAGE_SUFFIXES)
         except OSError as error:  # it went, or may not be read
-            raise MissingFile(f"cannot read {path}: {error.strerror or error}") from None
+            raise unreadable(str(path), error, "give a folder of pictures") from None
         if not found:
             raise InputError(f"{path} holds no pictures; give a folder with PNG or JPEG files")
         for count, it in enumerate(found):

@@ -1,4 +1,4 @@
-"""Upright solids whose foot is on a table, of any width and height: silhouettes to be fitted.
+"""Upright solids whose foot is on a table, of any width and height, fitted by their silhouettes.
 
 Where the table is, is known, so a state is (x, y, width, height), of the middle of the foot in the
 base frame [m], and a box adds its turn about the vertical [rad]. All but the turn move the points
@@ -58,9 +58,15 @@ def across(kind: str, state: Array) -> float:
 
 
 def first_guess(rays: Array, camera: Camera, table_height: float) -> Array | None:
-    """Return x, y, width and height as the shadow has them that a lamp in the lens would cast [m].
+    """Return x, y, width and height as the shadow has them that a lamp in the lens would cast.
 
-    None when not every line of sight, rows of ``rays``, shape (n, 3), meets the table.
+    Args:
+        rays: lines of sight to an outline, in the optical frame, shape (n, 3).
+        camera: the camera.
+        table_height: of the table in the base frame [m].
+
+    Returns:
+        A state of a cylinder, shape (4,) [m]; None when not every line of sight meets the table.
     """
     sights = rays @ camera.transform_base_camera[:3, :3].T
     above = float(camera.position[2]) - table_height
@@ -86,6 +92,16 @@ def fitted(
 
     A bottle whose neck is not seen beyond its belly is a cylinder by its outline. A few of the
     points tell which shape it is, or that it is none; all of them tell where it stands.
+
+    Args:
+        start: about where it stands and how large it is, shape (4,) [m]; see ``first_guess``.
+        points: of the outline, (X / Z, Y / Z) in the optical frame, shape (n, 2).
+        pixel: size of a pixel in their units.
+        camera: the camera.
+        table_height: of the table in the base frame [m].
+
+    Returns:
+        The shape, one of ``KINDS``, and its fit.
     """
     few = points[:: max(len(points) // _FEW, 1)]
     found: list[tuple[str, Fit]] = []
@@ -106,7 +122,7 @@ def fitted(
 
 
 def is_possible(state: Array) -> bool:
-    """Whether the numbers of a solid are those of a thing."""
+    """Whether a state is finite, and of a width and height that a thing can have."""
     width, height = state[2:4].tolist()
     return bool(
         np.isfinite(state).all()
