@@ -16,15 +16,10 @@ from arm3dof.errors import InputError, MissingFile
 from arm3dof.model.library import load_robot
 from arm3dof.runtime.metrics import summarise
 from arm3dof.runtime.recording import Recording
+from arm3dof.ui.pictures import MAX_PICTURE, read_picture
 from arm3dof.ui.quantities import extreme_rows
 from arm3dof.ui.report import report_html
-from arm3dof.ui.report_data import (
-    MAX_PICTURE,
-    MAX_ROWS,
-    read_picture,
-    report_command,
-    status_segments,
-)
+from arm3dof.ui.report_data import MAX_ROWS, report_command, status_segments
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
 

@@ -95,7 +95,7 @@ def _write(
     log: Path | None,
 ) -> list[Path]:
     """Write what is asked for; what draws or logs is imported only then."""
-    from arm3dof.ui.report_data import read_picture
+    from arm3dof.ui.pictures import read_picture
 
     seen = None if picture is None else read_picture(picture)
     files: list[Path] = []

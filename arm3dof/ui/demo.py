@@ -19,9 +19,9 @@ from arm3dof.runtime.experiment import PAPER_DURATION, default_start, simulate
 from arm3dof.runtime.loop import Observer
 from arm3dof.runtime.metrics import Metrics, summarise
 from arm3dof.runtime.recording import Recording
+from arm3dof.ui.pictures import read_picture
 from arm3dof.ui.plots import save_figures
 from arm3dof.ui.report import write_report
-from arm3dof.ui.report_data import read_picture
 from arm3dof.ui.summary import run_report, to_json, view_report
 from arm3dof.vision.annotate import annotate
 from arm3dof.vision.camera import Camera

@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
-import base64
 import itertools
 import re
 from collections.abc import Mapping
-from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 import arm3dof
 from arm3dof.control.step import ControlStatus, TorqueSource
-from arm3dof.errors import InputError, MissingFile
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.metrics import Metrics
 from arm3dof.runtime.recording import Recording
 from arm3dof.ui.meshcat_window import Command
+from arm3dof.ui.pictures import data_url
 from arm3dof.ui.quantities import QUANTITIES, Quantity, extreme_rows
 from arm3dof.ui.replay import is_turning
 from arm3dof.ui.shapes import typed_array
 from arm3dof.ui.style import COLORS, DARK_COLORS
 
 MAX_ROWS = 6000  # of a curve in the file; of a longer one the extremes are kept
-MAX_PICTURE = 1_200_000  # bytes; the whole file stays below 5 MB
-PICTURE_SIDE = 1600  # px of the longer side of a picture that was too large
 _PHASE_NAME = re.compile(r"task\.\d+ (.+)")
 _PHASE_END = re.compile(r"until ([\d.]+) s: (.+)", re.DOTALL)
-_KINDS = {b"\x89PNG": "png", b"\xff\xd8\xff": "jpeg", b"RIFF": "webp"}
 
 Table = Mapping[str, object]
 
@@ -81,37 +75,8 @@ def report_command(
         "kinds": _status_kinds(r),
         "phases": [each._asdict() for each in task_phases(r)],
         "tables": [_run_table(r, robot), _joint_table(r, robot), *_note_tables(r)],
-        "picture": None if picture is None else _data_url(picture),
+        "picture": None if picture is None else data_url(picture),
     }
-
-
-def read_picture(path: str | Path) -> bytes:
-    """Read a picture for the report; one of over 1.2 MB is made smaller.
-
-    Raises:
-        MissingFile: there is no such file.
-        InputError: it is no PNG, JPEG or WebP file, or damaged.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise MissingFile(f"{path}: no such picture; 'arm3dof see --out' writes one")
-    data = path.read_bytes()
-    picture_kind(data, str(path))
-    return data if len(data) <= MAX_PICTURE else _smaller(data, str(path))
-
-
-def _smaller(picture: bytes, name: str) -> bytes:
-    """Return a large picture as a JPEG file that fits."""
-    image = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
-    if image is None:
-        raise InputError(f"{name} is damaged; give a whole PNG, JPEG or WebP file")
-    share = min(1.0, PICTURE_SIDE / max(image.shape[:2]))
-    while True:
-        small = cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
-        data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
-        if len(data) <= MAX_PICTURE:
-            return data
-        share *= 0.8
 
 
 def status_segments(recording: Recording) -> list[Stretch]:
@@ -280,28 +245,3 @@ def _cycled(colours: tuple[str, ...], robot: Robot) -> list[str]:
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def picture_kind(picture: bytes, name: str = "the picture") -> str:
-    """Return "png", "jpeg" or "webp".
-
-    Args:
-        picture: the bytes of a file.
-        name: what the message calls it.
-
-    Raises:
-        InputError: it is of another kind.
-    """
-    for magic, kind in _KINDS.items():
-        if picture.startswith(magic):
-            return kind
-    raise InputError(f"{name} is no PNG, JPEG or WebP file; give one of these")
-
-
-def _data_url(picture: bytes, name: str = "the picture") -> str:
-    kind = picture_kind(picture, name)
-    if len(picture) > MAX_PICTURE:
-        raise InputError(
-            f"{name} has {len(picture) / 1e6:.1f} MB; give one of at most {MAX_PICTURE / 1e6:g} MB"
-        )
-    return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
