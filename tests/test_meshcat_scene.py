@@ -18,8 +18,9 @@ from arm3dof.model.build import robot_from_description
 from arm3dof.model.library import load_robot
 from arm3dof.model.robot import Description, Robot
 from arm3dof.ui import shapes
-from arm3dof.ui.meshcat_scene import RobotDrawing, Scene, recording_scene
+from arm3dof.ui.meshcat_scene import Scene, recording_scene
 from arm3dof.ui.replay import MAX_FRAMES
+from arm3dof.ui.robot_drawing import RobotDrawing
 from arm3dof.ui.stage import grid_step, view_command
 from arm3dof.ui.tube import SIDES, tube
 from arm3dof.ui.visuals import DEFAULT_COLOR, read_visuals

@@ -14,8 +14,8 @@ from arm3dof.model.library import load_robot
 from arm3dof.runtime.recording import Recording
 from arm3dof.ui import shapes
 from arm3dof.ui.facets import Facets, Piece, facets
-from arm3dof.ui.meshcat_scene import RobotDrawing
 from arm3dof.ui.painter import Canvas, Perspective
+from arm3dof.ui.robot_drawing import RobotDrawing
 from arm3dof.ui.run_frames import RunPainter, frame_count, run_frames, save_stills
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)

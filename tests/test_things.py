@@ -14,7 +14,8 @@ from arm3dof.model.gripper import find_gripper
 from arm3dof.model.library import load_robot
 from arm3dof.runtime.recording import Recording
 from arm3dof.sim.world import Bin, Body, World
-from arm3dof.ui.meshcat_scene import RobotDrawing, recording_scene
+from arm3dof.ui.meshcat_scene import recording_scene
+from arm3dof.ui.robot_drawing import RobotDrawing
 from arm3dof.ui.things import body_poses, draw_world, thing_path
 
 SHAPES = ("cylinder", "cube", "bottle")

@@ -31,10 +31,11 @@ from arm3dof.ui.mcap_scene import (
     thing_frame,
     world_entities,
 )
-from arm3dof.ui.meshcat_scene import PATH_END, TARGET, RobotDrawing
+from arm3dof.ui.meshcat_scene import PATH_END, TARGET
 from arm3dof.ui.pictures import picture_kind
 from arm3dof.ui.replay import at_times, frame_times, is_turning, sample_rows, verdict
 from arm3dof.ui.report_data import status_level, status_sentence
+from arm3dof.ui.robot_drawing import RobotDrawing
 from arm3dof.ui.summary import run_report, to_json
 
 WORLD = "world"

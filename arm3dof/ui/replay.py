@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pinocchio as pin
 
@@ -12,11 +10,9 @@ from arm3dof.runtime.metrics import Metrics
 from arm3dof.runtime.recording import Recording
 from arm3dof.state import Array
 from arm3dof.ui.meshcat_window import Command
+from arm3dof.ui.robot_drawing import RobotDrawing
 from arm3dof.ui.shapes import typed_array
 from arm3dof.ui.things import thing_path
-
-if TYPE_CHECKING:
-    from arm3dof.ui.meshcat_scene import RobotDrawing
 
 RATE = 60.0  # frames/s
 MAX_FRAMES = 3600  # a longer run is shown at a lower rate

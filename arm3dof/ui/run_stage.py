@@ -11,8 +11,8 @@ from arm3dof.runtime.recording import Recording
 from arm3dof.sim.world import World
 from arm3dof.state import Array
 from arm3dof.ui.facets import Facets, Piece, facets
-from arm3dof.ui.meshcat_scene import RobotDrawing
 from arm3dof.ui.replay import at_times
+from arm3dof.ui.robot_drawing import RobotDrawing
 from arm3dof.ui.things import Part, bin_parts, body_parts
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from arm3dof.state import Array
 from arm3dof.ui import shapes
 from arm3dof.ui.facets import Facets, facets
-from arm3dof.ui.meshcat_scene import RobotDrawing
 from arm3dof.ui.meshcat_window import Command
+from arm3dof.ui.robot_drawing import RobotDrawing
 
 
 class Ghost:
