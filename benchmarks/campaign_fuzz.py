@@ -224,7 +224,7 @@ def _hostile_step(
         if not malformed:
             tally.blame("exception", f"InputError, {at}")
         return
-    except Exception as error:  # noqa: BLE001 - a campaign counts whatever comes
+    except Exception as error:  # noqa: BLE001 - whatever is raised is a violation, to be counted
         tally.blame("exception", f"{error!r}, {at}")
         return
     if malformed:

@@ -33,7 +33,7 @@ class QuadraticProgram(NamedTuple):
     H: Array
     g: Array
     C: Array
-    l: Array  # noqa: E741 - the field's standard name, beside its partner u
+    l: Array  # noqa: E741 - l and u are what ProxQP and its papers call them
     u: Array
 
 
