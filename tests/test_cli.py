@@ -1,5 +1,6 @@
 """The command line: what each command prints, and how it ends."""
 
+import io
 import json
 import os
 import re
@@ -14,9 +15,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from rich.console import Console
 
 import arm3dof
-from arm3dof.cli import app, doctor, serving
+from arm3dof.cli import app, doctor, progress, serving
 from arm3dof.cli import main as program
 from arm3dof.config.camera_file import load_camera, save_camera
 from arm3dof.model.library import bundled_urdf
@@ -560,6 +562,21 @@ def test_view_refuses(refused, saved_run, tmp_path):
     (tmp_path / "text.npz").write_text("hello")
     assert "not a recording" in refused("view", tmp_path / "text.npz")
     assert "port is 99999" in refused("view", saved_run, "--port", "99999")
+
+
+# ---- progress ----------------------------------------------------------------------------------
+
+
+def test_a_count_is_shown_once_it_is_known(monkeypatch):
+    screen = io.StringIO()
+    console = Console(file=screen, force_terminal=True, width=80, legacy_windows=False)
+    monkeypatch.setattr(progress.output, "err", lambda: console)
+    with progress.counted("campaign", "trials") as tell:
+        before = screen.getvalue()
+        tell(1, 6)
+    assert "starting" in before
+    assert "None" not in screen.getvalue()
+    assert "1 of 6 trials" in screen.getvalue()
 
 
 # ---- doctor ------------------------------------------------------------------------------------

@@ -51,14 +51,15 @@ def counted(what: str, things: str) -> Iterator[Callable[[int, int], None]]:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn(f"{{task.completed}} of {{task.total}} {things}"),
+        TextColumn("{task.fields[so_far]}"),
         TimeRemainingColumn(),
     )
     quiet = not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=quiet) as progress:
-        bar = progress.add_task(what, total=None)
+        bar = progress.add_task(what, total=None, so_far="starting")
 
         def tell(done: int, total: int) -> None:
-            progress.update(bar, completed=done, total=total)
+            so_far = f"{done} of {total} {things}"
+            progress.update(bar, completed=done, total=total, so_far=so_far)
 
         yield tell
