@@ -94,11 +94,16 @@ def studio(
     """
     if find_spec("nicegui") is None:
         raise MissingExtra("the studio", "studio")
-    from arm3dof.ui.studio.start import home
-    from arm3dof.ui.studio.studio import Studio
+    from arm3dof.runtime.live.child import prepare
     from arm3dof.ui.token import check_entry
 
     check_entry(host, token)
+    prepare()  # what the arm and the eye need loads beside what the page needs
+    from arm3dof.ui.server import LocalServer
+    from arm3dof.ui.studio.site import build_site
+    from arm3dof.ui.studio.start import home
+    from arm3dof.ui.studio.studio import Studio
+
     tuned = tuned_by(robot, changes, settings)
     arm = tuned.load_robot()
     eye = eye_spec(camera, camera_file)
@@ -112,9 +117,6 @@ def studio(
 
     live = Studio(tuned, arm, home(arm), eye, folder, file_store())
     try:
-        from arm3dof.ui.server import LocalServer  # a second, in which arm and eye start
-        from arm3dof.ui.studio.site import build_site
-
         serve = partial(LocalServer, build_site(live), host=host, token=token)
         serve_until_interrupted(serve, port, browser=browser, announce=announce)
     finally:
@@ -133,10 +135,13 @@ def tuned_by(robot: str, changes: list[str] | None, settings: Path | None) -> Tu
     Raises:
         ArmError: the file cannot be read, or is of another robot than the one that is named.
     """
-    from arm3dof.config.studio_file import load_tuned
     from arm3dof.runtime.live.tuned import Tuned
 
-    tuned = Tuned(robot) if settings is None else load_tuned(settings)
+    tuned = Tuned(robot)
+    if settings is not None:
+        from arm3dof.config.studio_file import load_tuned
+
+        tuned = load_tuned(settings)
     if robot not in (USUAL_ROBOT, tuned.source):
         raise InputError(
             f"--settings {settings} is of the robot {tuned.source}; leave --robot {robot} away"

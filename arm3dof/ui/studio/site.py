@@ -7,15 +7,19 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from fastapi import FastAPI
-from nicegui import app as nicegui_app
-from nicegui import core, ui
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
 from arm3dof.ui.page import HEADERS
-from arm3dof.ui.studio.page import build_page
+from arm3dof.ui.studio.lean import without_clients
 from arm3dof.ui.studio.studio import Studio
+
+with without_clients():
+    from nicegui import app as nicegui_app
+    from nicegui import core, ui
+
+from arm3dof.ui.studio.page import build_page
 from arm3dof.ui.studio.visitors import Visitors
 
 POLICY = (

@@ -1,0 +1,55 @@
+"""What the studio's processes load, and when: the sooner, the sooner the arm moves."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import psutil
+import pytest
+from test_import_cost import loaded_after
+
+from arm3dof.runtime.live.child import Child
+
+pytest.importorskip("nicegui")
+
+
+def test_the_page_loads_no_clients_and_hides_none_from_others() -> None:
+    code = "import arm3dof.ui.studio.site as site; from arm3dof.ui.studio.lean import UNUSED"
+    assert not loaded_after(code) & {"aiohttp", "requests", "tornado", "websocket"}
+    assert "json" in loaded_after(
+        "import sys, json; from arm3dof.ui.studio.lean import without_clients\n"
+        "with without_clients(): import json as again\n"
+        "assert not set(sys.modules) & {'aiohttp', 'requests', 'tornado', 'websocket'}\nimport json"
+    )
+
+
+def test_what_is_loaded_ahead_draws_nothing_and_leaves_the_environment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("mujoco")
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    code = "import arm3dof.runtime.live.ahead, os; assert os.environ['MUJOCO_GL'] == 'egl'"
+    modules = loaded_after(code)
+    assert {"arm3dof.runtime.live.process", "arm3dof.runtime.live.eye", "mujoco"} <= modules
+    assert not {name for name in modules if name.partition(".")[0] in ("OpenGL", "nicegui")}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only there processes are forked")
+def test_a_child_is_forked_with_everything_loaded_and_this_environment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("ARM3DOF_TEST", "after the server's start")
+    answers: list[tuple[bool, int, str]] = []
+    child = Child("test", _tell, (), answers.append)
+    child.close(patience=60.0)
+    (loaded, threads, text), *_ = answers
+    assert loaded
+    assert threads == 1
+    assert text == "after the server's start"
+
+
+def _tell(pipe) -> None:
+    loaded = "arm3dof.runtime.live.ahead" in sys.modules
+    pipe.send((loaded, psutil.Process().num_threads(), os.environ["ARM3DOF_TEST"]))
+    pipe.recv()
