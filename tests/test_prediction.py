@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import solve_discrete_are
 
 from arm3dof.control.prediction import (
     StateSpace,
@@ -99,6 +100,32 @@ def test_the_riccati_weight_makes_every_horizon_choose_the_same_input():
     ]
     np.testing.assert_allclose(first[0], first[1], rtol=1e-8)
     np.testing.assert_allclose(first[0], first[2], rtol=1e-8)
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.02, 0.1])
+@pytest.mark.parametrize("seed", range(8))
+def test_the_riccati_weight_is_scipys_and_solves_the_equation(dt, seed):
+    rng = np.random.default_rng(seed)
+    scales = np.repeat([1.0, 10.0 ** rng.uniform(-6, 0)], 3)
+    Q = random_weights(rng, 6) * np.sqrt(np.outer(scales, scales))
+    R = random_weights(rng, 3) * 10.0 ** rng.uniform(-6, 1)
+    A, B = system = discretise_exact(double_integrator(3), dt)
+    P = riccati(system, Q, R)
+    gain = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    scale = np.abs(P).max()
+    np.testing.assert_allclose(A.T @ P @ (A - B @ gain) + Q, P, atol=1e-9 * scale)
+    assert np.abs(np.linalg.eigvals(A - B @ gain)).max() < 1
+    np.testing.assert_allclose(P, solve_discrete_are(A, B, Q, R), atol=1e-8 * scale)
+
+
+@pytest.mark.parametrize("position_weight", [0.0, 1.0])
+def test_a_system_that_runs_away_gets_the_weight_that_brings_it_back(position_weight):
+    system = StateSpace(np.diag([1.5, 0.5]), np.array([[1.0], [1.0]]))
+    Q, R = position_weight * np.eye(2), np.eye(1)
+    A, B = system
+    P = riccati(system, Q, R)
+    gain = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    assert np.abs(np.linalg.eigvals(A - B @ gain)).max() < 1
 
 
 def test_weights_that_have_no_riccati_solution_are_refused_with_the_cure():

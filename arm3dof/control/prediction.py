@@ -14,6 +14,10 @@ from numpy.typing import ArrayLike
 from arm3dof.errors import InputError
 from arm3dof.state import Array
 
+_MOST_DOUBLINGS = 30
+_VANISHED = 1e-10  # what the closed loop leaves of a state when the horizon counts as infinite
+_WORST_CONDITION = 1e8  # of R, whose inverse the doubling begins with
+
 
 class StateSpace(NamedTuple):
     """A linear system, either x' = A x + B u or x(k+1) = A x(k) + B u(k).
@@ -87,19 +91,24 @@ def discretise_euler(system: StateSpace, dt: float) -> StateSpace:
 def discretise_exact(system: StateSpace, dt: float) -> StateSpace:
     """Return the exact discrete system for an input that is held over each sample.
 
-    It is the matrix exponential of [[A, B], [0, 0]] dt (Van Loan 1978).
+    It is the matrix exponential of [[A, B], [0, 0]] dt (Van Loan 1978). For integrators, such as
+    ``double_integrator``, its power series ends.
 
     Args:
         system: continuous system.
         dt: sampling time T [s].
     """
-    from scipy.linalg import expm  # here, because SciPy would double the package's import time
-
     nx, nu = system.B.shape
     block = np.zeros((nx + nu, nx + nu))
     block[:nx, :nx] = system.A * dt
     block[:nx, nx:] = system.B * dt
-    exponential = expm(block)
+    square = block @ block / 2
+    if (square @ block).any():
+        from scipy.linalg import expm  # here, because SciPy takes as long to load as the rest
+
+        exponential = expm(block)
+    else:
+        exponential = np.eye(nx + nu) + block + square
     return StateSpace(exponential[:nx, :nx], exponential[:nx, nx:])
 
 
@@ -154,6 +163,8 @@ def riccati(system: StateSpace, Q: Array, R: Array) -> Array:
     Raises:
         InputError: the discrete algebraic Riccati equation has no finite solution.
     """
+    if (doubled := _riccati_by_doubling(system, Q, R)) is not None:
+        return doubled
     from scipy.linalg import solve_discrete_are  # here for the same reason
 
     try:
@@ -164,6 +175,29 @@ def riccati(system: StateSpace, Q: Array, R: Array) -> Array:
             "give a positive input_weight and position weight, or give terminal_weight"
         ) from None
     return np.asarray((P + P.T) / 2)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _riccati_by_doubling(system: StateSpace, Q: Array, R: Array) -> Array | None:
+    """Return P by doubling the horizon over and over; ``None`` where that does not settle.
+
+    It is the structure-preserving algorithm of Chu, Fan, Lin and Wang (2004): ``P`` is the cost
+    over 2^k stages, ``A`` its closed loop over as many, which vanishes when P stabilises.
+    """
+    if np.linalg.cond(R) > _WORST_CONDITION:
+        return None
+    A, identity = system.A, np.eye(system.A.shape[0])
+    G, P = system.B @ np.linalg.solve(R, system.B.T), Q
+    for _ in range(_MOST_DOUBLINGS):
+        through = np.linalg.solve(identity + G @ P, np.hstack([A, G]))
+        onward, spread = through[:, : A.shape[0]], through[:, A.shape[0] :]
+        G, more, A = G + A @ spread @ A.T, A.T @ P @ onward, A @ onward
+        G, P = (G + G.T) / 2, P + (more + more.T) / 2
+        if not all(np.isfinite(each).all() for each in (A, G, P)):
+            return None
+        if np.abs(A).max() < _VANISHED:
+            return P
+    return None
 
 
 def weight_matrix(weight: ArrayLike, parts: int, nv: int, name: str) -> Array:
