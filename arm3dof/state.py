@@ -30,7 +30,7 @@ def frozen_array(values: ArrayLike, *shape: int | None, name: str) -> Array:
     if array.shape != shape and not _fits(array.shape, shape):
         wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
         raise InputError(f"{name} has shape {array.shape}; give shape {wanted}")
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array
 
 
@@ -80,7 +80,8 @@ class JointState:
     def adopt(cls, t: float, q: Array, v: Array) -> JointState:
         """Return a state that takes over its arrays, unchecked, and freezes them."""
         state = object.__new__(cls)
-        q.flags.writeable = v.flags.writeable = False
+        q.setflags(write=False)
+        v.setflags(write=False)
         state.__dict__.update(t=t, q=q, v=v)
         return state
 

@@ -114,21 +114,18 @@ class StateEstimator:
                 self._learn_from_gap(gap, pushed)
             else:
                 self._learn_from_roughness(readings)
-        led, new = [], []
-        before = zip(self.q.tolist(), self.v.tolist(), pushed, strict=True)
-        now = zip(state.q.tolist(), state.v.tolist(), strict=True)
-        for (q, v, a), (q_now, v_now) in zip(before, now, strict=True):
-            v_led = v + dt * a
-            q_led = q + half * (v + v_led)
-            led.append((q_led, v_led))
-            new.append((q_now - q_led, v_now - v_led))
+        q_now, v_now = state.q.tolist(), state.v.tolist()
+        sample = zip(self.q.tolist(), self.v.tolist(), pushed, q_now, v_now, strict=True)
+        new = [(q1 - q - dt * (v + half * a), v1 - v - dt * a) for q, v, a, q1, v1 in sample]
         if max(self._noise) < _NEGLIGIBLE:
             return self._believe(state, new)
         telling, count = new, 1
         if readings is not None:
             count = len(readings)
             seen = sensor(dt, count)
-            expected = seen.of_state[2:] @ np.column_stack((led, pushed)).T
+            led = np.stack((q_now, v_now, pushed))
+            led[:2] -= np.transpose(new)
+            expected = seen.of_state[2:] @ led
             telling = (seen.summary @ readings - expected).T.tolist()
             new = [(*own, *more) for own, more in zip(new, telling, strict=True)]
         table = gains(dt, self._learning, count)
@@ -136,9 +133,9 @@ class StateEstimator:
         if not any(rows):  # the first row believes what is measured
             return self._believe(state, new)
         estimates = [
-            (q + _dot(to_q, e), v + _dot(to_v, e), _dot(to_lasting, e))
-            for (q, v), e, (to_q, to_v, to_lasting) in zip(
-                led, new, map(table.gain.__getitem__, rows), strict=True
+            (q - e[0] + _dot(to_q, e), v - e[1] + _dot(to_v, e), _dot(to_lasting, e))
+            for q, v, e, (to_q, to_v, to_lasting) in zip(
+                q_now, v_now, new, map(table.gain.__getitem__, rows), strict=True
             )
         ]
         self.q, self.v, lasting = np.array(list(zip(*estimates, strict=True)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from math import isfinite, isnan
+from operator import gt
 
 import numpy as np
 
@@ -111,10 +112,13 @@ class MpcController:
         if self.observer.measure(state):
             self._formulation.reset()  # the masses that its torque rows hold are out of date
         state = self.observer.predict(state.t)
-        if not _is_finite(reference.q):
-            return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)
-        reference = self._within_reach(reference, state)
-        if self._target_jumped(reference) or self.observer.jumped:
+        jumped = self.observer.jumped
+        if len(reference.q) > 1 or reference.q[0].tolist() != self._target:  # else all was seen to
+            if not _is_finite(reference.q):
+                return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)
+            reference = self._within_reach(reference, state)
+            jumped |= self._target_jumped(reference)
+        if jumped:
             self._forget_plan()
         limit = self.settings.max_step_time
         deadline = None if limit is None else start + limit
@@ -201,7 +205,7 @@ class MpcController:
     ) -> tuple[Optimum | None, Plan | None]:
         """Linearise along the last plan and solve; without a plan, repeat along the new one."""
         formulation, horizon, bounds = self._formulation, self.settings.horizon, self._bounds
-        if any(abs(v) > most for v, most in zip(state.v.tolist(), self._v_max, strict=True)):
+        if any(map(gt, map(abs, state.v.tolist()), self._v_max)):
             bounds = bounds.slowing_from(state.v)
         if self._most_change is not None:
             tau_max = self.robot.limits.tau_max
@@ -286,7 +290,7 @@ class MpcController:
         plan[:, tau.size :] = v
         u = np.array(answer.u)
         for array in (tau, u, plan):
-            array.flags.writeable = False
+            array.setflags(write=False)
         return ControlStep(tau, u, plan, status, answer.source, time.perf_counter() - start)
 
 

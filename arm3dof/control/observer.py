@@ -9,6 +9,7 @@ will be when a command that is computed now begins to act.
 from __future__ import annotations
 
 from collections import deque
+from operator import gt
 
 import numpy as np
 
@@ -87,10 +88,9 @@ class Observer:
         self.jumped = True
         if last is not None:
             half = self._dt / 2
-            moves = zip(
-                *(part.tolist() for part in (last.q, last.v, state.q, state.v)), strict=True
-            )
-            gap = [q - q_last - half * (v_last + v) for q_last, v_last, q, v in moves]
+            before, now = (last.q.tolist(), last.v.tolist()), (state.q.tolist(), state.v.tolist())
+            moves = zip(*before, *now, strict=True)
+            gap = [q1 - q - half * (v + v1) for q, v, q1, v1 in moves]
             self.jumped = max(map(abs, gap)) > _JUMP
             if self.jumped:
                 most = _JUMP + _JUMP_NOISE * self.filter.noise + half * np.abs(state.v - last.v)
@@ -143,7 +143,7 @@ class Observer:
 
     def _learn(self, q: Array, v: Array, acceleration: Array, torque: Array) -> bool:
         unexplained = self.estimator.unexplained(q, v, acceleration, torque)
-        if any(abs(r) > most for r, most in zip(unexplained, self._absurd, strict=True)):
+        if any(map(gt, map(abs, unexplained), self._absurd)):
             self.jumped = True  # no load or push does this: the measurements do not belong together
             return False
         explained = self.estimator.explained()
@@ -154,12 +154,13 @@ class Observer:
         else:
             self.estimator.learn()
             taught = self.estimator.teach(self._robot)
-        # what load and masses explain from now on is no longer a disturbance, and the reverse
-        new = self.estimator.explained() if taught else explained
-        changes = zip(self.disturbance.tolist(), surprise, explained, new, strict=True)
-        learned = [known - self._gain * more + (b - a) for known, more, a, b in changes]
-        limits = zip(learned, self._tau_max, strict=True)
-        self.disturbance = np.array([min(max(d, -most), most) for d, most in limits])
+        gain, learned = self._gain, self.disturbance.tolist()
+        if taught:  # what is explained from now on is no longer a disturbance, and the reverse
+            changes = zip(learned, explained, self.estimator.explained(), strict=True)
+            learned = [d + (after - before) for d, before, after in changes]
+        joints = zip(learned, surprise, self._tau_max, strict=True)
+        learned = [min(max(d - gain * more, -most), most) for d, more, most in joints]
+        self.disturbance = np.array(learned)
         return taught
 
     def _leans(self, q: Array, acceleration: Array, surprise: list[float]) -> bool:

@@ -69,6 +69,7 @@ class TrackingFormulation:
         self._gain = -self.hessian_inverse @ weighed.reshape(F.shape).T
         self._state_gain = self._gain @ prediction.C
         self.motion, self.torque = MotionMap(settings), HorizonTorque(robot, settings.dt, horizon)
+        self._free = self._free_response(nv)
         by_decision = self.motion.by_decision
         slopes = np.einsum("ckb,ij->ckibj", by_decision[:2], np.eye(nv))
         self.slopes = np.ascontiguousarray(slopes).reshape(2 * horizon * nv, -1)
@@ -87,11 +88,25 @@ class TrackingFormulation:
         """Return the program of one step; see ``Formulation.build``."""
         q, v = state.q, state.v
         if len(reference.q) == 1:
-            w_free = self._state_gain @ np.concatenate((reference.q[0] - q, v))
-        else:
-            w_free = self._state_gain @ np.concatenate((-q, v))
-            w_free += self._gain @ np.hstack([reference.q, -reference.v]).ravel()
+            free = self._free.dot(np.concatenate((reference.q[0] - q, v, q)))
+            w_free, stack = free[: len(self.hessian)], free[len(self.hessian) :]
+            return TrackingProgram(self, q, v, disturbance, w_free, plan, stack)
+        w_free = self._state_gain @ np.concatenate((-q, v))
+        w_free += self._gain @ np.hstack([reference.q, -reference.v]).ravel()
         return TrackingProgram(self, q, v, disturbance, w_free, plan)
+
+    def _free_response(self, nv: int) -> Array:
+        """Return how w_free for a constant target, and its stacked motion, follow from [e; v; q].
+
+        The shape is (n + 6 N nv, 3 nv); one product with it is all that most steps need.
+        """
+        columns = []
+        for e, v, q in np.eye(3 * nv).reshape(-1, 3, nv):
+            w_free = self._state_gain @ np.concatenate((e, v))
+            stack = self.motion.stacked(q, v, w_free)
+            stack[0] = 0.0
+            columns.append(np.concatenate((w_free, stack.ravel())))
+        return np.stack(columns, axis=1)
 
 
 class TrackingProgram:
@@ -107,10 +122,22 @@ class TrackingProgram:
         disturbance: Array,
         w_free: Array,
         plan: Array | None,
+        free: Array | None = None,
     ) -> None:
+        """Create a program.
+
+        Args:
+            formulation: what never changes.
+            q: positions at stage 0, shape (nv,) [rad].
+            v: velocities at stage 0, shape (nv,) [rad/s].
+            disturbance: torque that acts beside ours, shape (nv,) [N m].
+            w_free: minimiser of the cost without limits, shape (n,).
+            plan: accelerations of the last plan, shifted to now, shape (N, nv) [rad/s^2].
+            free: ``MotionMap.stacked`` of w_free, flattened, if it is known already.
+        """
         self.hessian, self.hessian_inverse = formulation.hessian, formulation.hessian_inverse
         self.fixed = formulation.fixed
-        self.w_free, self._plan = w_free, plan
+        self.w_free, self._plan, self._free = w_free, plan, free
         self._formulation, self._q, self._v, self._disturbance = formulation, q, v, disturbance
 
     @property
@@ -120,7 +147,10 @@ class TrackingProgram:
 
     def values(self, w: Array) -> Array:
         """See ``Program.values``; the torques are exact."""
-        stack = self._formulation.motion.stacked(self._q, self._v, w)
+        if w is self.w_free and self._free is not None:
+            stack = self._free.reshape(6, -1, self._q.size).copy()
+        else:
+            stack = self._formulation.motion.stacked(self._q, self._v, w)
         torque = stack[0]
         self._formulation.torque.evaluate(stack[3], stack[4], stack[5], torque)
         torque -= self._disturbance
