@@ -62,12 +62,17 @@ class Piece:
     color: Sequence[float]
 
 
-def facets(pieces: Iterable[Piece]) -> Facets:
-    """Cut shapes into flat convex faces."""
+def facets(pieces: Iterable[Piece], sides: int = SIDES) -> Facets:
+    """Cut shapes into flat convex faces.
+
+    Args:
+        pieces: the shapes.
+        sides: of a cylinder, at most.
+    """
     points, owner, faces, colors = [np.zeros((0, 3))], [], [], []
     total = 0
     for piece in pieces:
-        corners, cut = polygons(piece.shape)
+        corners, cut = polygons(piece.shape, sides)
         place = piece.placement @ np.reshape(piece.shape.matrix, (4, 4)).T
         points.append(corners @ place[:3, :3].T + place[:3, 3])
         owner += [piece.owner] * len(corners)
@@ -90,14 +95,20 @@ def facets(pieces: Iterable[Piece]) -> Facets:
 _Polygons = tuple[Array, Sequence[Sequence[int]]]
 
 
-def polygons(shape: Shape) -> _Polygons:
-    """Return the corners, shape (n, 3), and faces of a shape in its own frame."""
+def polygons(shape: Shape, sides: int = SIDES) -> _Polygons:
+    """Return the corners, shape (n, 3), and faces of a shape in its own frame.
+
+    Args:
+        shape: the shape.
+        sides: of a cylinder, at most.
+    """
     data: Mapping[str, Any] = shape.data
     match data["type"]:
         case "BoxGeometry":
             return _box(data["width"], data["height"], data["depth"])
         case "CylinderGeometry":
-            return _cylinder(data["radiusTop"], data["radiusBottom"], data["height"])
+            sides = min(sides, data["radialSegments"])
+            return _cylinder(data["radiusTop"], data["radiusBottom"], data["height"], sides)
         case "SphereGeometry":
             return _sphere(data["radius"])
         case "BufferGeometry" if "index" in data["data"]:
@@ -112,15 +123,15 @@ def _box(x: float, y: float, z: float) -> _Polygons:
     return np.array(corners) * (x / 2, y / 2, z / 2), _QUADS
 
 
-def _cylinder(top: float, bottom: float, height: float) -> _Polygons:
+def _cylinder(top: float, bottom: float, height: float, sides: int) -> _Polygons:
     """Return a cylinder about y, as three.js has it."""
-    angles = np.linspace(0, 2 * np.pi, SIDES, endpoint=False)
-    rim = np.column_stack([np.sin(angles), np.zeros(SIDES), np.cos(angles)])
+    angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+    rim = np.column_stack([np.sin(angles), np.zeros(sides), np.cos(angles)])
     up = np.array([0.0, height / 2, 0.0])
-    after = [(k + 1) % SIDES for k in range(SIDES)]
-    sides = [(k, after[k], SIDES + after[k], SIDES + k) for k in range(SIDES)]
-    caps = [tuple(range(SIDES - 1, -1, -1)), tuple(range(SIDES, 2 * SIDES))]
-    return np.concatenate([bottom * rim - up, top * rim + up]), [*sides, *caps]
+    after = [(k + 1) % sides for k in range(sides)]
+    walls = [(k, after[k], sides + after[k], sides + k) for k in range(sides)]
+    caps = [tuple(range(sides - 1, -1, -1)), tuple(range(sides, 2 * sides))]
+    return np.concatenate([bottom * rim - up, top * rim + up]), [*walls, *caps]
 
 
 def _sphere(radius: float) -> _Polygons:

@@ -30,6 +30,7 @@ LIVE_POLICY = (
 FILE_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
+_SCENE = ("figures.js", "drawing.js", "scene.js")  # the scripts of the 3-D view
 HEADERS = {
     "Cache-Control": "no-cache",
     "Cross-Origin-Resource-Policy": "same-origin",
@@ -46,7 +47,7 @@ def live_page(title: str = "arm3dof") -> str:
         title=html.escape(title),
         policy=LIVE_POLICY,
         style='<link rel="stylesheet" href="scene.css">',
-        scripts='<script src="meshcat.js"></script>\n<script src="scene.js"></script>',
+        scripts="\n".join(f'<script src="{name}"></script>' for name in ("meshcat.js", *_SCENE)),
     )
 
 
@@ -57,7 +58,7 @@ def static_page(scene: bytes, title: str = "arm3dof") -> str:
         scene: a message of ``MeshcatWindow.snapshot``.
         title: the title of the browser's window.
     """
-    return _complete("scene.html", scene, title, ["scene.css"], ["scene.js"])
+    return _complete("scene.html", scene, title, ["scene.css"], _SCENE)
 
 
 def report_page(scene: bytes, title: str = "arm3dof") -> str:
@@ -67,7 +68,7 @@ def report_page(scene: bytes, title: str = "arm3dof") -> str:
         scene: a message of ``MeshcatWindow.snapshot``, a ``report`` command in it.
         title: the title of the browser's window.
     """
-    styles, scripts = ["scene.css", "report.css"], ["scene.js", "charts.js", "report.js"]
+    styles, scripts = ["scene.css", "report.css"], (*_SCENE, "charts.js", "report.js")
     return _complete("report.html", scene, title, styles, scripts)
 
 
@@ -76,7 +77,7 @@ def page_routes() -> list[Route]:
     return [
         _route("/", live_page(), "text/html"),
         _route("/scene.css", _asset("scene.css"), "text/css"),
-        _route("/scene.js", _asset("scene.js"), "text/javascript"),
+        *(_route(f"/{name}", _asset(name), "text/javascript") for name in _SCENE),
         _route("/meshcat.js", viewer_script(), "text/javascript"),
     ]
 

@@ -63,10 +63,15 @@ def cylinder(radius: float, length: float, top_radius: float | None = None) -> S
             "radiusTop": float(radius if top_radius is None else top_radius),
             "radiusBottom": float(radius),
             "height": float(length),
-            "radialSegments": 40,
+            "radialSegments": _sides(max(radius, top_radius or 0.0)),
         },
         _Z_FROM_Y,
     )
+
+
+def _sides(radius: float) -> int:
+    """Return how many flat sides stand for a round one: few where it is thin, up to 32."""
+    return 2 * round(min(max(6 + 0.5 * radius / 1e-3, 6), 16))
 
 
 def sphere(radius: float) -> Shape:
@@ -75,8 +80,8 @@ def sphere(radius: float) -> Shape:
         {
             "type": "SphereGeometry",
             "radius": float(radius),
-            "widthSegments": 40,
-            "heightSegments": 28,
+            "widthSegments": 28,
+            "heightSegments": 18,
         }
     )
 
@@ -88,8 +93,8 @@ def torus(radius: float, tube: float) -> Shape:
             "type": "TorusGeometry",
             "radius": float(radius),
             "tube": float(tube),
-            "radialSegments": 12,
-            "tubularSegments": 64,
+            "radialSegments": 8,
+            "tubularSegments": 48,
         }
     )
 

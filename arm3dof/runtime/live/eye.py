@@ -100,15 +100,20 @@ class Blind(NamedTuple):
     why: str
 
 
-TakePicture = Callable[[Watch], Image | None]
-"""Takes the next picture, as the camera sees it now; ``None`` before there is one."""
+TakePicture = Callable[[Watch, bool], Image | None]
+"""Takes the next picture, as the camera sees it now; ``None`` before there is one. It is told
+whether the picture is to be measured, or only shown."""
 
 
 class PictureSource(Protocol):
     """Where pictures come from."""
 
-    def take(self, watch: Watch) -> Image | None:
+    def take(self, watch: Watch, measured: bool = True) -> Image | None:
         """Return the next picture; ``None`` before there is one.
+
+        Args:
+            watch: under what light, where that can be chosen.
+            measured: whether things are measured in it; one that is only shown may be rougher.
 
         Raises:
             ArmError: there is none any more; a later call may have one again.
@@ -132,16 +137,17 @@ class Watcher:
         self._take, self._camera, self._watch = take, camera, watch
         self._number = 0
         self._picture: Image | None = None
+        self._view: View | None = None
 
     def watch(self, watch: Watch) -> None:
         """Look for other things from now on."""
-        self._watch = watch
+        self._watch, self._view = watch, None
 
     @property
     def picture(self) -> Image | None:
-        """The last picture; the first one when there was none, if it is there."""
+        """The last picture that was looked at; the first one when there was none, if it is there."""
         if self._picture is None:
-            self._picture = self._take(self._watch)
+            self._picture = self._take(self._watch, True)
         return self._picture
 
     @property
@@ -149,17 +155,24 @@ class Watcher:
         """What is looked for."""
         return self._watch.targets
 
-    def see(self) -> SeenPicture | None:
+    def see(self, anew: bool = True) -> SeenPicture | None:
         """Take the next picture and look at it; ``None`` before there is one.
+
+        Args:
+            anew: whether to look for things in it, which takes longer than to take it; otherwise
+                what was seen last stands in for what there is to be seen.
 
         Raises:
             ArmError: there is none any more.
         """
-        picture = self._take(self._watch)
+        anew = anew or self._view is None
+        picture = self._take(self._watch, anew)
         if picture is None:
             return None
-        self._picture = picture
-        view = look(picture, self._camera, self._watch.targets)
+        view = None if anew else self._view
+        if view is None:
+            self._picture = picture
+            view = self._view = look(picture, self._camera, self._watch.targets)
         sight = SeenPicture(self._number, _jpeg(annotate(picture, view)), self._mask(picture), view)
         self._number += 1
         return sight
@@ -204,8 +217,8 @@ class DrawnCamera:
         self._light, self._taken = float("nan"), 0
         self._pictures: list[Image] = []
 
-    def take(self, watch: Watch) -> Image:
-        """Return the scene under the light that is asked for."""
+    def take(self, watch: Watch, measured: bool = True) -> Image:
+        """Return the scene under the light that is asked for, always as good as it can be."""
         if watch.light != self._light:
             self._light = watch.light
             self._pictures = self._draw(watch.light)

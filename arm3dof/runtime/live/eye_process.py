@@ -34,6 +34,8 @@ from arm3dof.vision.sources import frames
 
 RATE = 24.0
 """Pictures that are aimed at [1/s]."""
+LOOKS = 4.0
+"""How often things are looked for in them at most [1/s]; it costs more than the pictures."""
 RETRY = 2.0
 """How long after it was lost a camera is tried again [s]."""
 
@@ -105,7 +107,8 @@ def _look(
     try:
         source = spec.open(robot, ring)
         eye = Watcher(source.take, spec.camera, spec.watch)
-        due, blind = time.monotonic(), False
+        due = look_due = time.monotonic()
+        blind = False
         while (messages := received(pipe, max(due - time.monotonic(), 0.0))) is not None:
             for message in messages:
                 if isinstance(message, Watch):
@@ -117,9 +120,10 @@ def _look(
             if time.monotonic() < due:
                 continue
             due = max(due + 1 / RATE, time.monotonic())
+            anew = time.monotonic() >= look_due
             frame = ring.latest()
             try:
-                sight = eye.see()
+                sight = eye.see(anew)
             except ArmError as error:
                 if not blind:
                     pipe.send(Blind(str(error)))
@@ -128,8 +132,10 @@ def _look(
             if sight is None:
                 continue
             blind = False
-            if sights is not None and frame is not None and frame["mode"] == Mode.WORKING:
-                offer(sights, _known(eye, spec, float(frame["t"])))
+            if anew:
+                look_due = max(look_due + 1 / LOOKS, time.monotonic())
+                if sights is not None and frame is not None and frame["mode"] == Mode.WORKING:
+                    offer(sights, _known(eye, spec, float(frame["t"])))
             pipe.send(sight)
     except ArmError as error:  # there never was a camera
         pipe.send(Blind(str(error)))

@@ -37,7 +37,7 @@ class SourceCamera:
         self._play, self._size = play, (camera.width, camera.height)
         self._newest: Latest[Frame] | None = None
 
-    def take(self, watch: Watch) -> Image | None:
+    def take(self, watch: Watch, measured: bool = True) -> Image | None:
         """Return the newest picture; ``None`` before the first.
 
         Raises:

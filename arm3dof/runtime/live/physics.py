@@ -117,6 +117,7 @@ class LiveCamera:
         self._stills: list[Image] = []
         self._shown = 0
         self._eye: WorldCamera | None = None
+        self._glance: WorldCamera | None = None
         self.change_robot(robot)
 
     def change_robot(self, robot: PackedRobot) -> None:
@@ -125,8 +126,11 @@ class LiveCamera:
         self._fingers = finger_joints(self._robot)
         self._build(self._world)
 
-    def take(self, watch: Watch) -> Image:
-        """Take a picture of the newest frame, under the light that is asked for."""
+    def take(self, watch: Watch, measured: bool = True) -> Image:
+        """Take a picture of the newest frame, under the light that is asked for.
+
+        What moves is drawn without smooth edges where nothing is measured: in half the time.
+        """
         if watch.light != self._world.light:
             self._build(replace(self._world, light=watch.light))
         frame = self._ring.latest()
@@ -135,6 +139,8 @@ class LiveCamera:
         q = np.array(self._plant.data.qpos)
         if self._seen is None or np.abs(self._seen - q).max() > _MOVED:
             self._seen, self._stills = q, []
+            if not measured and self._glance is not None:
+                return self._glance.take()
         if len(self._stills) < _STILLS and self._eye is not None:
             self._stills.append(self._eye.take())
         self._shown += 1
@@ -149,12 +155,16 @@ class LiveCamera:
             data.joint(body.name).qpos[:] = pose
 
     def _build(self, world: World) -> None:
-        if self._eye is not None:
-            self._eye.close()
-        camera = self._camera
+        for eye in (self._eye, self._glance):
+            if eye is not None:
+                eye.close()
         self._world, self._seen = world, None
         self._plant = MujocoPlant(self._robot, world)
-        self._eye = WorldCamera(
+        self._eye, self._glance = self._open(smooth=True), self._open(smooth=False)
+
+    def _open(self, *, smooth: bool) -> WorldCamera:
+        camera = self._camera
+        return WorldCamera(
             self._plant,
             camera.camera_matrix,
             camera.transform_base_camera,
@@ -163,6 +173,7 @@ class LiveCamera:
             distortion=camera.distortion,
             noise=_NOISE,
             shadows=False,
+            smooth=smooth,
             rng=self._rng,
         )
 

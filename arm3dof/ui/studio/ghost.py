@@ -13,6 +13,9 @@ from arm3dof.ui.meshcat_window import Command
 from arm3dof.ui.robot_drawing import RobotDrawing
 
 
+_SIDES = 10  # of a cylinder: nobody looks at a ghost closely
+
+
 class Ghost:
     """A robot below one node of the scene, every link one mesh: a shape drawn costs as much."""
 
@@ -56,7 +59,7 @@ class Ghost:
 
 def link_meshes(drawing: RobotDrawing) -> dict[str, Array]:
     """Return each link as one mesh: the corners of its triangles, shape (3 n, 3) [m]."""
-    cut = facets(drawing.pieces())
+    cut = facets(drawing.pieces(), _SIDES)
     return {link: _triangles(cut, number) for number, link in enumerate(drawing.link_names)}
 
 

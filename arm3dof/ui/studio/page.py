@@ -7,18 +7,20 @@ from collections.abc import Iterable, Mapping
 
 from nicegui import events, ui
 
+from arm3dof.model.robot import Robot
 from arm3dof.runtime.live import commands as cmd
-from arm3dof.ui.studio.charts import CHARTS, PLANNED, chart_options
+from arm3dof.ui.studio.charts import CHARTS, chart_facts
 from arm3dof.ui.studio.panels import PANELS, Built
 from arm3dof.ui.studio.panels.aim import Aim
 from arm3dof.ui.studio.panels.see import See
 from arm3dof.ui.studio.studio import Studio
 from arm3dof.ui.studio.tab import Tab
 from arm3dof.ui.studio.widgets import button
-from arm3dof.ui.style import COLORS
+from arm3dof.ui.style import COLORS, DARK_COLORS
 from arm3dof.vision.locate import Located
 
 _HEAD = '<link rel="stylesheet" href="/studio/studio.css">'
+_SCRIPTS = ("/3d/figures.js", "/studio/charts.js", "/studio/studio.js")
 
 
 def build_page(studio: Studio) -> None:
@@ -37,22 +39,19 @@ def build_page(studio: Studio) -> None:
     with ui.element("main").classes("board"):
         _build_picture()
         _build_view()
-        charts = _build_charts(studio)
+        _build_charts(studio.robot)
         _build_panels(tab)
     ui.timer(0.25, studio.alive)
     facts = {
         "tab": tab.id,
         "grasps": studio.gripper is not None,
-        "charts": charts,
+        "charts": [chart_facts(chart, studio.robot) for chart in CHARTS],
         "joints": list(studio.robot.joint_names),
-        "limits": studio.robot.limits.tau_max.tolist(),
-        "planned": PLANNED,
-        "spans": {chart.name: chart.span for chart in CHARTS},
-        "speeds": studio.robot.limits.v_max.tolist(),
+        "colours": {"light": COLORS, "dark": DARK_COLORS},
     }
     ui.add_body_html(
         f"<script>window.studioFacts = {json.dumps(facts)};</script>"
-        '<script src="/studio/studio.js" defer></script>'
+        + "".join(f'<script src="{address}" defer></script>' for address in _SCRIPTS)
     )
 
 
@@ -135,19 +134,19 @@ def _build_view() -> None:
         ).classes("stack")
 
 
-def _build_charts(studio: Studio) -> dict[str, int]:
-    ids = {}
+def _build_charts(robot: Robot) -> None:
+    names = "".join(f"<span><i></i>{name}</span>" for name in robot.joint_names)
+    legend = f'<span class="legend">{names}</span>'
     with ui.element("section").classes("charts").props('aria-label="Charts"'):
         for chart in CHARTS:
-            with ui.element("figure").classes("card chart"):
-                ui.html(
-                    f"<figcaption>{chart.title} <span>{chart.unit}</span></figcaption>",
-                    sanitize=False,
-                )
-                made = ui.echart(chart_options(chart, studio.robot)).classes("plot")
-                made.props(f'role=img aria-label="{chart.title} of each joint over time"')
-                ids[chart.name] = made.id
-    return ids
+            ui.html(
+                f"<figcaption>{chart.title} <small>{chart.unit}</small>{legend}</figcaption>"
+                f'<canvas id="chart-{chart.name}" class="plot" role="img" '
+                f'aria-label="{chart.title} of each joint over time"></canvas>',
+                sanitize=False,
+                tag="figure",
+            ).classes("card chart")
+            legend = ""
 
 
 def _build_panels(tab: Tab) -> None:

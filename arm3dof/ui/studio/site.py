@@ -38,6 +38,11 @@ _LOUDEST = {
     "engineio.server": logging.CRITICAL,
     "socketio.server": logging.CRITICAL,
 }
+_ASSETS = {
+    "charts.js": "text/javascript",
+    "studio.js": "text/javascript",
+    "studio.css": "text/css",
+}
 _WEB = Path(__file__).parent / "web"
 
 
@@ -53,7 +58,7 @@ def build_site(studio: Studio) -> FastAPI:
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     for route in studio.routes():
         app.router.routes.append(route)
-    for name, kind in (("studio.js", "text/javascript"), ("studio.css", "text/css")):
+    for name, kind in _ASSETS.items():
         app.router.routes.append(Route(f"/studio/{name}", _asset(name, kind)))
     app.middleware("http")(_keep_to_itself)
 

@@ -1,9 +1,12 @@
 // The page of the 3-D view: MeshCat's viewer, a connection that heals, views, captions, replay.
+// How the viewer draws is in drawing.js.
 // It makes no request but to the server that sent it; opened from a file it makes none at all.
 "use strict";
 
 const $ = (selector) => document.querySelector(selector);
-var viewer = new MeshCat.Viewer($("#view"));
+
+var viewer = new MeshCat.Viewer($("#view"), true, makeRenderer($("#view")));
+drawWithCare();
 const OWN_NODES = new Set(Object.keys(viewer.scene_tree.children));
 const FIELD_OF_VIEW = 32; // degrees
 const LOOP_PAUSE = 1.0; // s between the end of a replay and its next start
@@ -84,69 +87,6 @@ viewer.controls.addEventListener("start", () => {
   });
 });
 
-// ---- quality: where drawing is slow, what moves is drawn coarser and what rests in full ---------
-
-const quality = {
-  ratios: [1, 0.7, 0.45], // pixels drawn per pixel of the screen, along each side
-  slow: 40, // ms between two frames of a motion
-  still: 1000, // ms without a new frame
-  level: 0, needed: 0, late: 0, last: 0,
-
-  drawn() {
-    const now = performance.now();
-    const interval = now - this.last;
-    this.last = now;
-    if (interval > this.still) return;
-    this.late = interval > this.slow ? this.late + 1 : 0;
-    if (this.late > 4 && this.needed < this.ratios.length - 1) {
-      this.needed += 1;
-      this.late = 0;
-    }
-    this.set(this.needed);
-  },
-
-  rest() { if (performance.now() - this.last > this.still) this.set(0); },
-
-  set(level) {
-    if (level === this.level) return;
-    this.level = level;
-    viewer.renderer.setPixelRatio(window.devicePixelRatio * this.ratios[level]);
-    viewer.set_dirty();
-  },
-};
-// Where one picture takes long, the page around it gets as much time as the picture took.
-const breath = {
-  long: 80, longest: 500, // ms
-  begun: 0, until: 0,
-
-  frame(now) { // the browser asks for the next frame when the last one is on the screen
-    if (!this.begun || now <= this.begun) return; // nothing drawn, or in this very frame
-    const took = now - this.begun;
-    this.begun = 0;
-    if (took > this.long) this.until = now + Math.min(took, this.longest);
-  },
-
-  tick(now) {
-    this.frame(now);
-    requestAnimationFrame((next) => this.tick(next));
-  },
-};
-breath.tick(performance.now());
-
-viewer.render = function () {
-  const now = performance.now();
-  if (now < breath.until) return; // it stays due
-  breath.begun = now;
-  MeshCat.Viewer.prototype.render.call(this);
-  quality.drawn();
-};
-viewer.capture_image = function () { // in full, and before a coarser size clears the picture
-  quality.set(0);
-  MeshCat.Viewer.prototype.render.call(this);
-  return this.renderer.domElement.toDataURL();
-};
-setInterval(() => quality.rest(), 250);
-
 // ---- night: a dark background for a dark page, called by the page around this one ----------------
 
 var night = { // var: the page around this one reaches it
@@ -184,13 +124,6 @@ function showCaption(message) {
     return [term, detail];
   }));
   card.hidden = false;
-}
-
-
-// A number with some digits, and never "-0.00".
-function fixed(value, digits) {
-  const text = value.toFixed(digits);
-  return Number(text) === 0 ? (0).toFixed(digits) : text;
 }
 
 // ---- replay: poses of links at a fixed rate, shown frame by frame in double precision ---------
@@ -310,7 +243,10 @@ requestAnimationFrame((now) => player.tick(now));
 // ---- messages ---------------------------------------------------------------------------------
 
 const pageCommands = {
-  batch: (command) => command.commands.forEach((each) => viewer.handle_command(each)),
+  batch(command) {
+    command.commands.forEach((each) => viewer.handle_command(each));
+    united.unite();
+  },
   caption: showCaption,
   views: (command) => camera.load(command),
   replay: (command) => player.load(command),
@@ -320,6 +256,7 @@ viewer.handle_command = function (command) {
   const carryOut = pageCommands[command.type];
   if (carryOut) carryOut(command);
   else MeshCat.Viewer.prototype.handle_command.call(this, command);
+  united.heed(command);
 };
 
 function clearScene() {

@@ -4,9 +4,7 @@
 
 const facts = window.studioFacts;
 const KEPT = 60; // s that are kept for zooming and export
-const DEGREE = 180 / Math.PI;
 const byId = (id) => document.getElementById(id);
-const scaleOf = (name) => (name === "e" ? DEGREE : 1);
 
 // ---- the last minute, column by column ---------------------------------------------------------
 
@@ -43,94 +41,7 @@ const past = {
   },
 };
 
-// ---- charts ------------------------------------------------------------------------------------
-
-const charts = {
-  paused: false, drawn: 0, span: 10, kept: null, due: null, begun: 0, until: 0,
-
-  // Draws what has come, once a frame; where that takes long, the page gets as much time again.
-  tick(now) {
-    if (this.begun && now > this.begun) {
-      const took = now - this.begun;
-      this.begun = 0;
-      if (took > 80) this.until = now + Math.min(took, 500);
-    }
-    if (this.due && now >= this.until) {
-      this.begun = performance.now();
-      this.draw(this.due);
-      this.due = null;
-    }
-    requestAnimationFrame((next) => this.tick(next));
-  },
-
-  get(name) { return getElement(facts.charts[name])?.chart; },
-  names() { return Object.keys(facts.charts); },
-
-  draw(message) {
-    const last = past.t.at(-1);
-    if (this.paused || document.hidden || last === undefined) return;
-    const from = past.first(last - this.span);
-    const t = past.t.slice(from);
-    const ahead = message.plan_t.length ? Math.min(message.plan_t.at(-1), last + 1) : last;
-    for (const name of this.names()) {
-      const chart = this.get(name);
-      if (!chart) continue;
-      const scale = scaleOf(name);
-      const column = past.columns[name];
-      const series = facts.joints.map((joint, k) => ({
-        id: joint, data: t.map((time, row) => [time, scale * column[from + row][k]]),
-      }));
-      if (facts.planned.includes(name)) series.push(...this.plan(name, message));
-      series.push(...this.comparison(name, last));
-      const [low, high] = this.range(name, series);
-      chart.setOption({
-        xAxis: { min: ahead - this.span, max: ahead }, yAxis: { min: low, max: high }, series,
-      }, { lazyUpdate: true });
-    }
-    this.drawn += 1;
-  },
-
-  // Round bounds around the lines, never closer than what is worth a look.
-  range(name, series) {
-    let low = Infinity, high = -Infinity;
-    for (const { data } of series) for (const [, y] of data) { low = Math.min(low, y); high = Math.max(high, y); }
-    if (!(low <= high)) return [-facts.spans[name], facts.spans[name]];
-    const room = Math.max(0.08 * (high - low), (facts.spans[name] - (high - low)) / 2);
-    return [low - room, high + room];
-  },
-
-  // What the controller expects, dotted ahead of what has happened.
-  plan(name, message) {
-    const ahead = message[`plan_${name}`];
-    return facts.joints.map((joint, k) => ({
-      id: `${joint} plan`, data: message.plan_t.map((t, row) => [t, scaleOf(name) * ahead[row][k]]),
-    }));
-  },
-
-  // The kept run, moved so that both begin together.
-  comparison(name, last) {
-    return facts.joints.map((joint, k) => {
-      const shown = this.kept && past.runStart !== null;
-      const data = !shown ? [] : this.kept.t
-        .map((t, row) => [t + past.runStart, scaleOf(name) * this.kept.columns[name][row][k]])
-        .filter(([t]) => t > last - this.span && t <= last);
-      return { id: `${joint} kept`, data };
-    });
-  },
-
-  // Colours of lines and letters, which the page's light or dark decides.
-  dress() {
-    const style = getComputedStyle(document.body);
-    const [ink, line, card, text] = ["--soft", "--line", "--card", "--ink"].map((name) => style.getPropertyValue(name).trim());
-    for (const name of this.names()) {
-      this.get(name)?.setOption({
-        xAxis: { axisLabel: { color: ink } },
-        yAxis: { axisLabel: { color: ink }, axisLine: { lineStyle: { color: line } }, splitLine: { lineStyle: { color: line } } },
-        tooltip: { backgroundColor: card, borderColor: line, textStyle: { color: text, fontSize: 12 } },
-      });
-    }
-  },
-};
+const charts = new LiveCharts(facts, past);
 
 // ---- numbers -----------------------------------------------------------------------------------
 
@@ -153,7 +64,7 @@ function hear(message) {
   const status = byId("status");
   if (status.dataset.tone !== message.tone) status.dataset.tone = message.tone;
   setText(status.querySelector("span"), message.status);
-  charts.due = message;
+  charts.take(message);
   if (live.messages % 4 === 0) {
     showFacts(message);
     showSeen(message);
@@ -328,19 +239,8 @@ function csv() {
   return [head.join(","), ...rows].join("\n") + "\n";
 }
 
-async function png() {
-  const images = await Promise.all(charts.names().map((name) => {
-    const image = new Image();
-    const background = getComputedStyle(document.body).getPropertyValue("--card").trim();
-    image.src = charts.get(name).getDataURL({ pixelRatio: 2, backgroundColor: background });
-    return image.decode().then(() => image);
-  }));
-  const sheet = document.createElement("canvas");
-  sheet.width = 2 * images[0].width;
-  sheet.height = 2 * images[0].height;
-  images.forEach((image, k) => sheet.getContext("2d")
-    .drawImage(image, (k % 2) * image.width, Math.floor(k / 2) * image.height));
-  sheet.toBlob((blob) => save("charts.png", "image/png", blob));
+function png() {
+  charts.picture().toBlob((blob) => save("charts.png", "image/png", blob));
 }
 
 function keep() {
@@ -359,9 +259,9 @@ const night = {
   look() {
     const dark = document.body.classList.contains("body--dark");
     const view = byId("view").contentWindow;
-    if (dark === this.dark || !charts.get("tau") || !view.night) return;
+    if (dark === this.dark || !view.night) return;
     this.dark = dark;
-    charts.dress();
+    charts.dress(dark);
     view.night.set(dark);
   },
 };
@@ -384,16 +284,16 @@ function connect(attempt) {
 window.studio = {
   past, charts, live, png, keep,
   csv: () => save("charts.csv", "text/csv", csv()),
-  pause: (paused) => { charts.paused = paused; },
-  window: (seconds) => { charts.span = seconds; },
+  pause: (paused) => charts.pause(paused),
+  window: (seconds) => charts.zoom(seconds),
   forget: () => { charts.kept = null; },
 };
 
 // the page builds itself after this script has come
 (function begin() {
-  if (!(byId("status") && byId("picture") && byId("view"))) { setTimeout(begin, 20); return; }
+  if (!(byId("status") && byId("picture") && byId("view") && byId("chart-tau"))) { setTimeout(begin, 20); return; }
   listenToClicks();
   setInterval(() => night.look(), 200);
-  charts.tick(performance.now());
+  charts.begin();
   connect(0);
 })();

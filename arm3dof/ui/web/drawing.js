@@ -1,0 +1,208 @@
+// How the viewer of scene.js draws: as well as the machine can, and as fast as what moves needs it.
+"use strict";
+
+// ---- the renderer: without a graphics card every picture is drawn by the processor -------------
+
+function drawsInSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl");
+  const asked = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = asked ? gl.getParameter(asked.UNMASKED_RENDERER_WEBGL) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
+const software = drawsInSoftware();
+
+function makeRenderer(host) {
+  // smooth edges cost a processor as much as the picture: it draws a still one larger instead
+  const renderer = new MeshCat.THREE.WebGLRenderer({ antialias: !software, alpha: true });
+  renderer.shadowMap.enabled = true;
+  renderer.shadowMap.type = MeshCat.THREE.PCFSoftShadowMap;
+  host.append(renderer.domElement);
+  return renderer;
+}
+
+// ---- quality: where drawing is slow, what moves is drawn coarser and what rests in full ---------
+
+var quality = { // var: a page around this one, and tests, reach it
+  levels: [ // pixels drawn per pixel of the screen, along each side; whether shadows are cast
+    { ratio: software ? 2 : 1, shadows: true },
+    { ratio: 1, shadows: false },
+    { ratio: 0.7, shadows: false },
+    { ratio: 0.45, shadows: false },
+  ],
+  slow: 40, // ms between two frames of a motion
+  still: 1500, // ms without a new frame
+  level: 0, needed: software ? 1 : 0, late: 0, last: 0,
+
+  // To be called before each frame of a motion.
+  moves() {
+    const now = performance.now();
+    const interval = now - this.last;
+    this.last = now;
+    if (interval < this.still) {
+      this.late = interval > this.slow ? this.late + 1 : 0;
+      if (this.late > 4 && this.needed < this.levels.length - 1) {
+        this.needed += 1;
+        this.late = 0;
+      }
+    }
+    this.set(this.needed);
+  },
+
+  rests() { return performance.now() - this.last > this.still; },
+
+  set(level) {
+    if (level === this.level) return;
+    this.level = level;
+    const { ratio, shadows } = this.levels[level];
+    viewer.renderer.setPixelRatio(window.devicePixelRatio * ratio);
+    viewer.scene.traverse((object) => {
+      if (!object.isDirectionalLight) return;
+      object.userData.casts ??= object.castShadow;
+      object.castShadow = shadows && object.userData.casts;
+    });
+  },
+};
+// Where one picture takes long, the page around it gets as much time as the picture took.
+const breath = {
+  long: 80, longest: 500, // ms
+  begun: 0, until: 0,
+
+  frame(now) { // the browser asks for the next frame when the last one is on the screen
+    if (!this.begun || now <= this.begun) return; // nothing drawn, or in this very frame
+    const took = now - this.begun;
+    this.begun = 0;
+    if (took > this.long) this.until = now + Math.min(took, this.longest);
+  },
+
+  tick(now) {
+    this.frame(now);
+    requestAnimationFrame((next) => this.tick(next));
+  },
+};
+
+// ---- shaders: one stays compiled though the last thing that uses it is drawn anew ----------------
+
+const shaders = {
+  kept: new Set(),
+
+  keep() {
+    viewer.scene.traverseVisible(({ material }) => {
+      const program = material && viewer.renderer.properties.get(material).currentProgram;
+      if (!program || this.kept.has(program.cacheKey)) return;
+      this.kept.add(program.cacheKey);
+      material.dispose = () => {};
+    });
+  },
+};
+
+// ---- united: the solids of one node, which hang together, are drawn in one go --------------------
+
+const united = {
+  fewest: 4, // solids that are worth it
+  wholes: new Map(), // by the path of the node
+  touched: new Set(),
+
+  // A command that changes a solid takes its node apart until the batch is through.
+  heed({ type, path }) {
+    if (!path || type === "set_transform" && !this.wholes.has(above(path))) return;
+    if (type === "delete") {
+      for (const node of this.wholes.keys()) if (`${node}/`.startsWith(`${path}/`)) this.wholes.delete(node);
+    }
+    this.separate(above(path));
+    if (type === "set_object") this.touched.add(above(path));
+  },
+
+  unite() {
+    for (const path of this.touched) {
+      const node = nodeAt(path);
+      const solids = Object.values(node?.children ?? {}).map((child) => soleSolid(child.object)).filter(Boolean);
+      if (solids.length < this.fewest) continue;
+      const whole = merged(node.object, solids);
+      node.object.add(whole);
+      solids.forEach((solid) => { solid.visible = false; });
+      this.wholes.set(path, { whole, solids });
+    }
+    this.touched.clear();
+  },
+
+  separate(path) {
+    const found = this.wholes.get(path);
+    if (!found) return;
+    this.wholes.delete(path);
+    this.touched.add(path);
+    found.whole.removeFromParent();
+    found.whole.geometry.dispose();
+    found.whole.material.dispose();
+    found.solids.forEach((solid) => { solid.visible = true; });
+  },
+};
+
+const above = (path) => path.slice(0, Math.max(0, path.lastIndexOf("/")));
+
+function nodeAt(path) {
+  return path.split("/").filter(Boolean).reduce((node, name) => node?.children[name], viewer.scene_tree);
+}
+
+// The one opaque mesh below an object; none where there is anything else.
+function soleSolid(object) {
+  const found = [];
+  object.traverse((each) => { if (each.material) found.push(each); });
+  const [mesh] = found;
+  const fits = found.length === 1 && mesh.isMesh && mesh.visible && mesh.geometry.index && mesh.geometry.attributes.normal
+    && mesh.material.type === "MeshStandardMaterial" && !mesh.material.transparent && !mesh.material.vertexColors;
+  return fits ? mesh : null;
+}
+
+function merged(parent, solids) {
+  const THREE = MeshCat.THREE;
+  parent.updateWorldMatrix(true, true);
+  const toParent = parent.matrixWorld.clone().invert();
+  const parts = { position: [], normal: [], color: [] };
+  const index = [];
+  for (const solid of solids) {
+    const geometry = solid.geometry.clone().applyMatrix4(toParent.clone().multiply(solid.matrixWorld));
+    const first = parts.position.length / 3;
+    for (const name of ["position", "normal"]) for (const value of geometry.attributes[name].array) parts[name].push(value);
+    const { r, g, b } = solid.material.color;
+    for (let k = 0; k < geometry.attributes.position.count; k += 1) parts.color.push(r, g, b);
+    for (const corner of geometry.index.array) index.push(first + corner);
+    geometry.dispose();
+  }
+  const geometry = new THREE.BufferGeometry();
+  for (const name in parts) geometry.setAttribute(name, new THREE.Float32BufferAttribute(parts[name], 3));
+  geometry.setIndex(index);
+  const material = solids[0].material.clone();
+  material.color.setScalar(1);
+  material.vertexColors = true;
+  material.side = Math.max(...solids.map((solid) => solid.material.side));
+  const whole = new THREE.Mesh(geometry, material);
+  whole.castShadow = whole.receiveShadow = true;
+  return whole;
+}
+
+// ---- all of it, in the viewer --------------------------------------------------------------------
+
+function drawWithCare() {
+  const draw = () => MeshCat.Viewer.prototype.render.call(viewer);
+  viewer.render = function () {
+    const now = performance.now();
+    if (now < breath.until) return; // it stays due
+    breath.begun = now;
+    quality.moves();
+    draw();
+    shaders.keep();
+  };
+  viewer.capture_image = function () { // in full, and before a coarser size clears the picture
+    quality.set(0);
+    draw();
+    return this.renderer.domElement.toDataURL();
+  };
+  setInterval(() => {
+    if (quality.level === 0 || !quality.rests()) return;
+    quality.set(0);
+    draw();
+  }, 250);
+  breath.tick(performance.now());
+}
