@@ -31,7 +31,7 @@ from studio import studio as program
 TABS = 3
 STARTS = 5
 _MOVES = ((0.5, 1.6, -1.5), (-0.5, 1.5, -1.2), (0.0, 1.9, -1.8))  # [rad]
-_PERIOD = 2.0  # s: how often the arm gets another target
+_PERIOD = 0.6  # s: how often the arm gets another target, so that it never rests
 _WORKS = """() => studio.live.last && studio.live.pictures > 0
   && document.getElementById("view").contentWindow.viewer"""
 _COUNT = """() => {

@@ -140,7 +140,7 @@ def test_without_mujoco_its_renderer_names_the_extra(monkeypatch):
 
 @pytest.mark.slow
 def test_mujoco_s_pictures_are_seen_as_well():
-    report = see_report(run_campaign(SeeTrial("physics"), 25, 3))
+    report = see_report(run_campaign(SeeTrial("physics"), 8, 3))
     assert report["recall"] >= 0.97
     assert report["false_objects"] == 0
     assert report["median_error_m"] < 0.003

@@ -19,8 +19,8 @@ def test_a_campaign_of_grasping(ask, run, tmp_path):
 
 @pytest.mark.slow
 def test_sorting_from_the_command_line(ask, tmp_path):
-    code, answer = ask("sort", "--seed", "4", "--no-serve", "--out", tmp_path)
-    assert (code, answer["outcome"], answer["objects_sorted"]) == (0, "sorted", 9)
+    code, answer = ask("sort", "--seed", "4", "--objects", "3", "--no-serve", "--out", tmp_path)
+    assert (code, answer["outcome"], answer["objects_sorted"]) == (0, "sorted", 3)
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["objects_fallen"] == 0
     assert "lifted" not in summary

@@ -30,7 +30,7 @@ def test_random_loops_settle_without_noise_and_every_other_one_is_explained():
         "exact": Conditions(MpcSettings(), model_error=0.0, noise_deg=0.0),
         "noisy": Conditions(MpcSettings(), noise_deg=0.5),
     }
-    found, tables = campaign_control.loops(8, 3, conditions)
+    found, tables = campaign_control.loops(4, 3, conditions)
     assert found["exact"]["fraction"] == 1.0
     late = found["noisy"]["not_in_time"]
     assert len(late) == found["noisy"]["loops"] - found["noisy"]["settled_in_time"]

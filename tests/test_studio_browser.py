@@ -276,8 +276,8 @@ def test_the_plan_is_drawn_ahead_of_the_arm(page: Page, robot: Robot) -> None:
     page.wait_for_function(f"{LAST}.paused && {LAST}.plan_t.length > 10")
     for chart in ("e", "v"):
         page.wait_for_function(
-            """(name) => studio.charts.get(name).getOption().series
-              .filter((it) => it.id.endsWith("plan")).every((it) => it.data.length > 10)""",
+            """(name) => studio.charts.get(name).curves
+              .filter((it) => it.kind === "plan").every((it) => it.length > 10)""",
             arg=chart,
         )
     frame = page.frame(url="**/3d/**")

@@ -84,6 +84,9 @@ def grasp_story(
 
 def sort(
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="What stands where.")] = 0,
+    count: Annotated[
+        int, typer.Option("--objects", metavar="N", min=1, max=9, help="How many stand there.")
+    ] = 9,
     faults: WithFaults = False,
     robot: RobotName = "arm3dof",
     changes: Overrides = None,
@@ -97,7 +100,7 @@ def sort(
     browser: Browser = True,
     as_json: JsonFlag = False,
 ) -> int:
-    """Sort nine objects of three colours into three bins, in the physics world.
+    """Sort objects of three colours into three bins, in the physics world.
 
     The answer is no when one of them does not end in the bin of its colour.
     """
@@ -111,7 +114,7 @@ def sort(
         raise ArmError(f"sorting needs the physics world: {reason}")
     writable(folder)
     rng = np.random.default_rng(seed)
-    world = random_table(rng)
+    world = random_table(rng, count)
     with phases("sorting") as watch:
         story = tell_task(
             arm,

@@ -145,7 +145,7 @@ class Watcher:
 
     @property
     def picture(self) -> Image | None:
-        """The last picture that was looked at; the first one when there was none, if it is there."""
+        """The last picture that was looked at; the first one when there was none yet."""
         if self._picture is None:
             self._picture = self._take(self._watch, True)
         return self._picture

@@ -85,13 +85,21 @@ class SortTrial:
             return result, {body.name: scene.verdict(body.name) for body in world.bodies}
 
 
-def random_table(rng: np.random.Generator) -> World:
-    """Draw a table with nine objects of three colours, and a bin for each colour."""
+def random_table(rng: np.random.Generator, count: int = COUNT) -> World:
+    """Draw a table with objects of three colours in turn, and a bin for each colour.
+
+    Args:
+        rng: source of everything that is drawn.
+        count: how many objects.
+
+    Raises:
+        InputError: there is no room for so many.
+    """
     trays = tuple(_bin(*it) for it in zip(SORTED, _BIN_BEARINGS, strict=True))
     colours = {name: COLOURS[name] for name in SORTED}
     bodies = scatter(
         rng,
-        COUNT,
+        count,
         colours=colours,
         region=REGION,
         width_m=WIDTHS,
