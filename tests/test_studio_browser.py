@@ -475,6 +475,7 @@ def test_a_stream_that_ends_is_said_on_the_page_and_comes_back(
 def test_it_fits_the_window(browser: Browser, program: Program, width: int, height: int) -> None:
     with visit(browser, program.url, width=width, height=height, scheme="dark") as page:
         page.wait_for_function("document.getElementById('seen').children.length > 0")
+        wait_until(page.frame(url="**/3d/**"), "window.viewer?.scene_tree.children.robot")
         for scheme in ("dark", "light"):
             page.emulate_media(color_scheme=scheme)
             page.wait_for_function(
@@ -491,7 +492,7 @@ def test_it_fits_the_window(browser: Browser, program: Program, width: int, heig
 
 
 NAMELESS = """() => [...document.querySelectorAll(
-    "button, input, canvas:not([data-zr-dom-id]), iframe," +
+    "button, input, canvas, iframe," +
     "[role=slider], [role=switch], [role=combobox]")]
   .filter((it) => it.offsetParent !== null)
   .filter((it) => !(it.textContent.trim() || it.ariaLabel || it.title || it.labels?.length
@@ -545,5 +546,5 @@ def tooltip(page: Page, index: int, panel: str) -> str:
         raise AssertionError(f"no tooltip: {panel}: {control.inner_text()}") from None
     text = shown.inner_text()
     page.mouse.move(640, 8)
-    page.locator(".q-tooltip").wait_for(state="detached")
+    expect(page.locator(".q-tooltip")).to_have_count(0)
     return text

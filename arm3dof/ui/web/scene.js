@@ -6,6 +6,7 @@
 const $ = (selector) => document.querySelector(selector);
 
 var viewer = new MeshCat.Viewer($("#view"), true, makeRenderer($("#view")));
+["Grid", "Axes"].forEach((name) => viewer.set_property([name], "visible", false)); // until there is more
 drawWithCare();
 const OWN_NODES = new Set(Object.keys(viewer.scene_tree.children));
 const FIELD_OF_VIEW = 32; // degrees
