@@ -1,5 +1,8 @@
 """The controller: the paper's gain, optimal under limits, and never nonsense."""
 
+import pickle
+from dataclasses import FrozenInstanceError, replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,7 @@ from arm3dof.control import solver
 from arm3dof.control.mpc import MpcController
 from arm3dof.control.paper import PaperFormulation
 from arm3dof.control.qp import ProxqpWorkspace, QpStatus
+from arm3dof.control.reference import JointTrajectory
 from arm3dof.control.settings import MpcSettings
 from arm3dof.control.step import ControlStatus, TorqueSource
 from arm3dof.errors import InputError
@@ -326,6 +330,38 @@ def test_a_target_that_is_absurdly_far_pulls_as_hard_as_one_that_is_only_far(rob
         expected = MpcController(robot).step(state, np.array([50.0, 0.5, -50.0]))
         assert step.status is expected.status
         np.testing.assert_allclose(step.tau, expected.tau, atol=1e-6)
+
+
+def test_a_far_target_is_moved_nearer_in_every_step(robot):
+    target = np.array([50.2, 0.5, -50.0])
+    controller = MpcController(robot)
+    for k, q in enumerate((0.3, 0.1, -0.1)):
+        state = JointState(controller.dt * k, np.full(3, q), np.zeros(3))
+        error = controller.step(state, target).plan[0, :3]
+        np.testing.assert_allclose(error, np.clip(target - q, -50.0, 50.0), rtol=0, atol=1e-12)
+    far_later = JointTrajectory([0.0, 0.1, 0.2], np.outer([0.0, 0.0, 1e3], np.ones(3)))
+    reference = controller._within_reach(far_later.sample([0.0, 0.2]), state)
+    np.testing.assert_allclose(reference.q, np.outer([0.0, 49.9], np.ones(3)))
+
+
+def test_an_answer_puts_its_plan_together_when_read_and_stays_immutable(robot):
+    state = JointState(0.0, np.array([0.2, 0.4, -0.3]), np.zeros(3))
+    target = np.array([0.5, 0.1, 0.2])
+    controller = MpcController(robot)
+    step = controller.step(state, target)
+    copy = pickle.loads(pickle.dumps(step))
+    controller.step(JointState(controller.dt, state.q, state.v), -target)
+    assert step.plan is step.plan
+    np.testing.assert_array_equal(step.plan[0], np.concatenate([target - state.q, state.v]))
+    np.testing.assert_array_equal(copy.plan, step.plan)
+    for array in (step.tau, step.u, step.plan):
+        assert not array.flags.writeable
+    with pytest.raises(FrozenInstanceError):
+        step.plan = target
+    stopped = replace(step, plan=step.plan[:1])
+    assert stopped.plan.shape == (1, 6)
+    assert stopped.tau is step.tau
+    assert "plan=array(" in repr(step)
 
 
 def test_the_work_of_a_step_is_bounded_and_ends_at_the_deadline(robot):

@@ -20,7 +20,7 @@ from arm3dof.control.qp import QpStatus
 from arm3dof.control.reference import Reference, Target, sample_target
 from arm3dof.control.settings import MpcSettings
 from arm3dof.control.solver import ProgramSolver
-from arm3dof.control.step import ControlStatus, ControlStep, TorqueSource
+from arm3dof.control.step import ControlStatus, ControlStep, PlannedStep, TorqueSource
 from arm3dof.control.torque import TorqueFormulation
 from arm3dof.control.tracking import TrackingFormulation
 from arm3dof.errors import InputError
@@ -78,6 +78,7 @@ class MpcController:
         self._most_change = self._torque_change()
         self._tau: Array | None = None
         self._target: list[float] | None = None
+        self._settled: list[float] | None = None  # the last target, if it is finite and near
 
     @property
     def dt(self) -> float:
@@ -89,7 +90,7 @@ class MpcController:
         self._forget_plan()
         self._fallback.reset()
         self.observer.reset()
-        self._tau = self._target = None
+        self._tau = self._target = self._settled = None
 
     def step(self, state: JointState, target: Target) -> ControlStep:
         """Return the torque to apply until the next step.
@@ -113,7 +114,7 @@ class MpcController:
             self._formulation.reset()  # the masses that its torque rows hold are out of date
         state = self.observer.predict(state.t)
         jumped = self.observer.jumped
-        if len(reference.q) > 1 or reference.q[0].tolist() != self._target:  # else all was seen to
+        if len(reference.q) > 1 or reference.q[0].tolist() != self._settled:
             if not _is_finite(reference.q):
                 return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)
             reference = self._within_reach(reference, state)
@@ -184,13 +185,14 @@ class MpcController:
 
     def _within_reach(self, reference: Reference, state: JointState) -> Reference:
         """Return the reference, with absurdly far targets moved nearer: they take long to solve."""
-        if max(map(abs, reference.q[0].tolist())) < _FARTHEST:
+        if np.abs(reference.q).max() < _FARTHEST:
             return reference
         low, high = state.q - _FARTHEST, state.q + _FARTHEST
         return Reference(np.clip(reference.q, low, high), reference.v)
 
     def _target_jumped(self, reference: Reference) -> bool:
         last, self._target = self._target, reference.q[0].tolist()
+        self._settled = self._target if max(map(abs, self._target)) < _FARTHEST else None
         if last is None:
             return True
         moves = zip(last, self._target, strict=True)
@@ -283,15 +285,9 @@ class MpcController:
         else:
             self.observer.command(answer.plan.u[0], tau - (answer.tau - answer.rigid))
         self._tau = tau
-        _, q, v = answer.plan
-        plan = np.empty((len(q), 2 * tau.size))
-        target = reference.q if len(reference.q) == 1 else reference.q[: len(q)]
-        np.subtract(target, q, out=plan[:, : tau.size])
-        plan[:, tau.size :] = v
-        u = np.array(answer.u)
-        for array in (tau, u, plan):
-            array.setflags(write=False)
-        return ControlStep(tau, u, plan, status, answer.source, time.perf_counter() - start)
+        motion = reference.q, answer.plan.q, answer.plan.v
+        spent = time.perf_counter() - start
+        return PlannedStep.adopt(tau, np.array(answer.u), motion, status, answer.source, spent)
 
 
 def _is_finite(values: Array) -> bool:

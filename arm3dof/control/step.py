@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from typing import Protocol, runtime_checkable
+
+import numpy as np
 
 from arm3dof.control.reference import Target
 from arm3dof.state import Array, JointState
@@ -80,6 +83,47 @@ class ControlStep:
     status: ControlStatus
     source: TorqueSource
     solve_time: float
+
+
+class PlannedStep(ControlStep):
+    """An answer that puts its ``plan`` together when it is first read."""
+
+    @classmethod
+    def adopt(
+        cls,
+        tau: Array,
+        u: Array,
+        motion: tuple[Array, Array, Array],
+        status: ControlStatus,
+        source: TorqueSource,
+        solve_time: float,
+    ) -> PlannedStep:
+        """Return an answer that takes over its arrays, unchecked, and freezes tau and u.
+
+        Args:
+            tau: see ``ControlStep``.
+            u: see ``ControlStep``.
+            motion: target, shape (1, nv) or (N + 1, nv), and positions and velocities at stages
+                0..N, shape (N + 1, nv); nobody changes them.
+            status: see ``ControlStep``.
+            source: see ``ControlStep``.
+            solve_time: see ``ControlStep``.
+        """
+        step = object.__new__(cls)
+        tau.setflags(write=False)
+        u.setflags(write=False)
+        step.__dict__.update(
+            tau=tau, u=u, _motion=motion, status=status, source=source, solve_time=solve_time
+        )
+        return step
+
+    @cached_property
+    def plan(self) -> Array:
+        """Predicted states [e; v]; see ``ControlStep``."""
+        target, q, v = self.__dict__["_motion"]
+        plan = np.hstack([target[: len(q)] - q, v])
+        plan.setflags(write=False)
+        return plan
 
 
 class Controller(Protocol):
