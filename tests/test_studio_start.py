@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import subprocess
 import sys
 
 import psutil
@@ -53,3 +55,30 @@ def _tell(pipe) -> None:
     loaded = "arm3dof.runtime.live.ahead" in sys.modules
     pipe.send((loaded, psutil.Process().num_threads(), os.environ["ARM3DOF_TEST"]))
     pipe.recv()
+
+
+REHEARSED = """
+import json, sys
+import numpy as np
+from arm3dof.control import kalman
+from arm3dof.model.library import load_robot
+from arm3dof.runtime.live import commands as cmd
+from arm3dof.runtime.live.process import ArmSpec, rehearse
+from arm3dof.runtime.parallel import PackedRobot
+
+spec = ArmSpec(PackedRobot.of(load_robot()), (0.0, 1.5, -1.5))
+arm = spec.build()
+arm.advance()
+rehearse(spec)
+known, tables = set(sys.modules), kalman.gains.cache_info().misses
+arm.obey(cmd.Aim((-0.5, 0.5, 0.3)))
+arm.obey(cmd.Run())
+for _ in range(40):
+    arm.advance()
+print(json.dumps([sorted(set(sys.modules) - known), kalman.gains.cache_info().misses - tables]))
+"""
+
+
+def test_after_its_rehearsal_the_arm_does_nothing_for_the_first_time() -> None:
+    done = subprocess.run([sys.executable, "-c", REHEARSED], capture_output=True, check=True)
+    assert json.loads(done.stdout) == [[], 0]

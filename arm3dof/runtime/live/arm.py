@@ -277,7 +277,7 @@ class LiveArm:
         plan = self._answer.plan
         if self.mode is not Mode.RUNNING or len(plan) < 2 or self._asked is not self._controller:
             return
-        rows = np.unique(np.linspace(0, len(plan) - 1, PLAN_ROWS).astype(int))
+        rows = np.linspace(0, len(plan) - 1, min(PLAN_ROWS, len(plan))).astype(int)
         frame["plan_rows"] = rows.size
         frame["plan_q"][: rows.size] = self._q_target - plan[rows, : self._true.nv]
         frame["plan_v"][: rows.size] = plan[rows, self._true.nv :]
