@@ -20,8 +20,8 @@ def test_objects_are_found_where_they_are():
 
 
 @pytest.mark.slow
-def test_the_goals_are_reached_over_a_hundred_tables():
-    report = see_report(run_campaign(SeeTrial(), 100, 7))
+def test_the_goals_are_reached_over_three_hundred_tables():
+    report = see_report(run_campaign(SeeTrial(), 300, 7))
     assert all(goals(report).values()), report
 
 
