@@ -104,7 +104,7 @@ def _start_once(folder: Path) -> list[float]:
         first: dict[bytes, float] = {}
         with connect(f"ws://127.0.0.1:{running.port}/live", proxy=None, max_size=None) as line:
             while not {feed.NUMBERS, feed.PICTURE} <= first.keys():
-                first.setdefault(bytes(line.recv()[:1]), time.perf_counter() - begin)
+                first.setdefault(bytes(line.recv(timeout=60)[:1]), time.perf_counter() - begin)
         me = psutil.Process(running.pid)
         spent = [sum(it.cpu_times()[:2]) for it in (me, *me.children(recursive=True))]
     return [*marks, first[feed.NUMBERS], first[feed.PICTURE], sum(spent)]
