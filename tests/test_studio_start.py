@@ -37,8 +37,7 @@ def test_what_is_loaded_ahead_draws_nothing_and_leaves_the_environment(
     assert not {name for name in modules if name.partition(".")[0] in ("OpenGL", "nicegui")}
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only there processes are forked")
-def test_a_child_is_forked_with_everything_loaded_and_this_environment(
+def test_a_child_has_this_environment_and_where_it_is_forked_everything_loaded(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("ARM3DOF_TEST", "after the server's start")
@@ -46,8 +45,7 @@ def test_a_child_is_forked_with_everything_loaded_and_this_environment(
     child = Child("test", _tell, (), answers.append)
     child.close(patience=60.0)
     (loaded, threads, text), *_ = answers
-    assert loaded
-    assert threads == 1
+    assert (loaded, threads) == (True, 1) or sys.platform != "linux"
     assert text == "after the server's start"
 
 
@@ -82,3 +80,43 @@ print(json.dumps([sorted(set(sys.modules) - known), kalman.gains.cache_info().mi
 def test_after_its_rehearsal_the_arm_does_nothing_for_the_first_time() -> None:
     done = subprocess.run([sys.executable, "-c", REHEARSED], capture_output=True, check=True)
     assert json.loads(done.stdout) == [[], 0]
+
+
+WATCHED = """
+import gc, json, tempfile, threading
+from pathlib import Path
+from types import SimpleNamespace
+from urllib.request import urlopen
+from arm3dof.cli.studio import eye_spec, file_store
+from arm3dof.model.library import load_robot
+from arm3dof.runtime.live.tuned import Tuned
+from arm3dof.ui.server import LocalServer
+from arm3dof.ui.studio.site import build_site
+from arm3dof.ui.studio.start import home
+from arm3dof.ui.studio.studio import Studio
+import nicegui.ui_run_with as starting
+
+def running():
+    return "arm3dof-studio" in [thread.name for thread in threading.enumerate()]
+
+def get_objects():
+    walks.append(running())
+    return gc.get_objects()
+
+walks, robot = [], load_robot()
+starting.gc = SimpleNamespace(get_objects=get_objects)
+with tempfile.TemporaryDirectory() as folder:
+    eye = eye_spec("world", None)
+    studio = Studio(Tuned(), robot, home(robot), eye, Path(folder), file_store())
+    with LocalServer(build_site(studio)) as server:
+        urlopen(server.url).read()
+        walks.append(running())
+    studio.close()
+print(json.dumps(walks))
+"""
+
+
+def test_nothing_of_ours_runs_while_the_server_walks_over_all_objects() -> None:
+    pytest.importorskip("mujoco")
+    done = subprocess.run([sys.executable, "-c", WATCHED], capture_output=True, check=True)
+    assert json.loads(done.stdout) == [False, True]

@@ -71,6 +71,7 @@ def build_site(studio: Studio) -> FastAPI:
 
     nicegui_app.add_exception_handler(404, _unknown)  # in place of a page, which costs a client
     nicegui_app.on_startup(_bear_stalls)
+    nicegui_app.on_startup(studio.begin)
     ui.run_with(
         app,
         title="arm3dof studio",

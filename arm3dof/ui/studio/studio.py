@@ -133,7 +133,6 @@ class Studio:
         self._scene_lock = threading.Lock()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._show, name="arm3dof-studio", daemon=True)
-        self._thread.start()
 
     # ---- what the page asks for --------------------------------------------------------------
 
@@ -291,6 +290,14 @@ class Studio:
 
     # ---- the server's side ---------------------------------------------------------------------
 
+    def begin(self) -> None:
+        """Begin to show what there is to see; to be called once, by the server when it is up.
+
+        Not sooner: as it starts, NiceGUI walks over all objects there are, and a tuple that another
+        thread is just filling then can never be finished (a ``SystemError`` of CPython).
+        """
+        self._thread.start()
+
     def routes(self) -> list[BaseRoute]:
         """Return the routes of the 3-D view and of the numbers and pictures."""
         return [
@@ -302,7 +309,8 @@ class Studio:
         """End everything: the arm brakes first."""
         self._stopping.set()
         self.eye.ask_to_end()
-        self._thread.join()
+        if self._thread.ident is not None:
+            self._thread.join()
         self.arm.close()
         self.eye.close()
         if self._mind is not None:
