@@ -9,20 +9,23 @@ from __future__ import annotations
 import contextlib
 import gc
 import os
+from importlib import import_module
 
 from arm3dof.errors import ArmError
 
 _GL = "MUJOCO_GL"
+_SHARED = ("process", "eye_process", "mind_process")
+_WITH_MUJOCO = "physics"
 
 
 def _load() -> None:
-    from arm3dof.runtime.live import eye_process, mind_process, process  # noqa: F401
-
+    for name in _SHARED:
+        import_module(f"arm3dof.runtime.live.{name}")
     asked = os.environ.get(_GL)
     os.environ[_GL] = "disable"  # to load a renderer takes time, and only the eye draws
     try:
         with contextlib.suppress(ImportError, ArmError):
-            from arm3dof.runtime.live import physics  # noqa: F401
+            import_module(f"arm3dof.runtime.live.{_WITH_MUJOCO}")
     finally:
         del os.environ[_GL]
         if asked is not None:

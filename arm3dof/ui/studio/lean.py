@@ -10,6 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 UNUSED = ("aiohttp", "requests", "tornado", "websocket")
 
@@ -20,8 +21,8 @@ def without_clients() -> Iterator[None]:
 
     Those that have been loaded before stay, and later imports find them all again.
     """
-    hidden = [name for name in UNUSED if name not in sys.modules]
-    sys.modules.update(dict.fromkeys(hidden))  # type: ignore[arg-type]  # None: not to be found
+    hidden: dict[str, Any] = {name: None for name in UNUSED if name not in sys.modules}
+    sys.modules.update(hidden)  # None stands for a module that is not to be found
     try:
         yield
     finally:

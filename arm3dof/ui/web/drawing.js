@@ -64,6 +64,7 @@ var quality = { // var: a page around this one, and tests, reach it
     });
   },
 };
+
 // Where one picture takes long, the page around it gets as much time as the picture took.
 const breath = {
   long: 80, longest: 500, // ms
@@ -106,11 +107,11 @@ const united = {
 
   // A command that changes a solid takes its node apart until the batch is through.
   heed({ type, path }) {
-    if (!path || type === "set_transform" && !this.wholes.has(above(path))) return;
+    if (!path) return;
     if (type === "delete") {
       for (const node of this.wholes.keys()) if (`${node}/`.startsWith(`${path}/`)) this.wholes.delete(node);
     }
-    this.separate(above(path));
+    for (let node = above(path); node; node = above(node)) this.separate(node);
     if (type === "set_object") this.touched.add(above(path));
   },
 
