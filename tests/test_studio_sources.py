@@ -282,6 +282,7 @@ def test_a_moving_arm_stops_when_its_camera_is_lost(
 ) -> None:
     spec = EyeSpec(SETUP.camera, WATCH, stream.url)
     studio = Studio(Tuned(), robot, np.zeros(3), spec, tmp_path, file_store())
+    studio.begin()
 
     def after(condition: Callable[[], object]) -> None:
         def met() -> object:
