@@ -17,7 +17,7 @@ PROGRAM = "import sys; from arm3dof.cli import main; sys.exit(main())"
 LAST = "studio.live.last"
 PATIENCE = 60  # s
 CALM = 2500  # ms after which charts and 3-D have drawn what happened
-SOON = 300  # ms in which the charts still show a motion that has just ended
+SHARP = "document.getElementById('view').contentWindow.quality.level === 0"
 PIXEL = """([u, v]) => {
   const canvas = document.getElementById("picture");
   const box = canvas.getBoundingClientRect();
@@ -38,7 +38,7 @@ def walk(chromium: Browser, folder: Path) -> None:
             page.get_by_role("switch", name="Show the reachable region").click()
             page.get_by_role("button", name="Run", exact=True).click()
             page.wait_for_function(f"{LAST}.arrived && {LAST}.mode === 1")
-            stop_at(page, "studio.png", calm=SOON)
+            stop_at(page, "studio.png")
             panel(page, "See")
             page.get_by_role("switch", name="Show the mask").click()
             page.locator("#mask").wait_for()
@@ -92,8 +92,9 @@ def aim_at_object(page: Page, name: str) -> None:
     page.locator(".answer").wait_for()
 
 
-def stop_at(page: Page, name: str, calm: int = CALM) -> None:
-    """Wait some milliseconds until all is drawn, and take a picture."""
+def stop_at(page: Page, name: str) -> None:
+    """Wait until all is drawn, and in full, and take a picture."""
     page.mouse.move(640, 8)
-    page.wait_for_timeout(calm)
+    page.wait_for_timeout(CALM)
+    page.wait_for_function(SHARP)
     photograph(page, name)

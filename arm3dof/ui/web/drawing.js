@@ -40,12 +40,11 @@ var quality = { // var: a page around this one, and tests, reach it
     const now = performance.now();
     const interval = now - this.last;
     this.last = now;
-    if (interval < this.still) {
-      this.late = interval > this.slow ? this.late + 1 : 0;
-      if (this.late > 4 && this.needed < this.levels.length - 1) {
-        this.needed += 1;
-        this.late = 0;
-      }
+    if (interval > this.still) return; // a single picture, not a motion
+    this.late = interval > this.slow ? this.late + 1 : 0;
+    if (this.late > 4 && this.needed < this.levels.length - 1) {
+      this.needed += 1;
+      this.late = 0;
     }
     this.set(this.needed);
   },
