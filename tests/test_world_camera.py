@@ -27,7 +27,8 @@ COINS = tuple(
     Body(f"coin_{i}", "cylinder", 0.04, 0.002, 0.02, COLOURS["red"], *place)
     for i, place in enumerate(PLACES)
 )
-ASIDE = JointState(0.0, np.array([2.2, 1.6, -0.5]), np.zeros(3))
+ZEROS = np.zeros(3)
+ASIDE = JointState(0.0, np.array([2.2, 1.6, -0.5]), ZEROS)
 
 
 @pytest.fixture(scope="module")
@@ -264,3 +265,58 @@ def test_either_backend_draws(name):
         check=False,
     )
     assert (done.stdout.split(), done.stderr) == ([name, "True"], "")
+
+
+# ---- drawn onto the last picture -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_a_picture_onto_the_last_one_is_a_whole_one(robot, smooth):
+    plant = plant_with(robot, *COINS)
+    rng = np.random.default_rng(0)
+    options = {"shadows": False, "smooth": smooth}
+    with (
+        WorldCamera(plant, MATRIX, POSE, WIDTH, HEIGHT, **options) as whole,
+        WorldCamera(plant, MATRIX, POSE, WIDTH, HEIGHT, onto_last=True, **options) as onto,
+    ):
+        for turn in range(8):
+            plant.reset(JointState(0.0, rng.uniform([-1.5, 0.2, -2.0], [1.5, 2.0, 0.0]), ZEROS))
+            if turn % 3 == 0:
+                plant.data.joint("coin_1").qpos[:2] += rng.uniform(-0.03, 0.03, 2)
+            change = np.abs(whole.take().astype(int) - onto.take()).max(axis=2)
+            assert (change > 2).sum() <= 5  # single pixels of edges
+        there = look_at([0.05, 0.1, 0.5], [0.2, 0.0, -0.1])
+        whole.transform_base_camera = onto.transform_base_camera = there
+        change = np.abs(whole.take().astype(int) - onto.take()).max(axis=2)
+        assert (change > 2).sum() <= 5
+
+
+def test_only_what_has_moved_is_drawn(robot, monkeypatch):
+    drawn = []
+    draw = renderer.Renderer.draw
+
+    def noted(self, data, matrix, pose, window=None):
+        drawn.append(window)
+        return draw(self, data, matrix, pose, window)
+
+    monkeypatch.setattr(renderer.Renderer, "draw", noted)
+    plant = plant_with(robot, *COINS)
+    with WorldCamera(plant, MATRIX, POSE, WIDTH, HEIGHT, shadows=False, onto_last=True) as camera:
+        first = camera.take()
+        assert drawn == [(0, 0, WIDTH, HEIGHT)]
+        first[:] = 0  # it belongs to who asked
+        np.testing.assert_array_equal(camera.take(), picture_of(plant, shadows=False))
+        del drawn[1:]
+        plant.data.joint("coin_1").qpos[0] += 0.01
+        camera.take()
+    window = drawn[1]
+    middle = Camera(WIDTH, HEIGHT, MATRIX, np.zeros(0), POSE).project([*PLACES[1], -0.108])
+    assert window.left < middle[0] < window.right
+    assert window.top < middle[1] < window.bottom
+    assert window.right - window.left < 70
+    assert window.bottom - window.top < 70
+
+
+def test_shadows_are_not_drawn_onto_the_last_picture(coins):
+    with pytest.raises(InputError, match="onto_last goes without shadows"):
+        WorldCamera(coins, MATRIX, POSE, WIDTH, HEIGHT, onto_last=True)

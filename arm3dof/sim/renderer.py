@@ -12,10 +12,12 @@ from functools import lru_cache
 from importlib import import_module
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from arm3dof.errors import ArmError, InputError
+from arm3dof.sim.changes import Window
 from arm3dof.sim.engine import mujoco
 from arm3dof.state import Array
 
@@ -30,6 +32,8 @@ _CURE = (
 )
 _NEAR, _FAR = 0.01, 20.0  # what is nearer or farther is not drawn [m]
 _MOST_GEOMS = 4000
+DRAWN = 1
+"""Group of the geoms that are drawn."""
 
 
 class Renderer:
@@ -65,13 +69,16 @@ class Renderer:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = 0
-        self._option.geomgroup[1] = 1
+        self._option.geomgroup[DRAWN] = 1
         self._free_camera = mujoco.MjvCamera()
-        self._rect = mujoco.MjrRect(0, 0, width, height)
-        self._rgb = np.empty((height, width, 3), np.uint8)
+        self._whole = Window(0, 0, width, height)
 
     def draw(
-        self, data: mujoco.MjData, camera_matrix: Array, transform_base_camera: Array
+        self,
+        data: mujoco.MjData,
+        camera_matrix: Array,
+        transform_base_camera: Array,
+        window: Window | None = None,
     ) -> Image:
         """Draw what a pinhole camera sees, as BGR; the caller may keep the picture.
 
@@ -79,6 +86,7 @@ class Renderer:
             data: the world's state, its kinematics computed.
             camera_matrix: intrinsics, shape (3, 3) [px]; the middle of the first pixel is (0, 0).
             transform_base_camera: pose of the optical frame, shape (4, 4).
+            window: the part of the picture that is drawn; all of it without.
 
         Raises:
             InputError: another thread made the renderer.
@@ -98,27 +106,32 @@ class Renderer:
             mujoco.mjtCatBit.mjCAT_ALL,
             self._scene,
         )
+        part = window or self._whole
         for camera in self._scene.camera:
-            self._aim(camera, camera_matrix, transform_base_camera)
-        mujoco.mjr_render(self._rect, self._scene, self._gl)
-        mujoco.mjr_readPixels(self._rgb, None, self._rect, self._gl)
-        return np.ascontiguousarray(self._rgb[::-1, :, ::-1])
-
-    def _aim(self, camera: Any, matrix: Array, pose: Array) -> None:
-        width, height = self._rect.width, self._rect.height
-        near_x, near_y = _NEAR / matrix[0, 0], _NEAR / matrix[1, 1]
-        left, right = (-0.5 - matrix[0, 2]) * near_x, (width - 0.5 - matrix[0, 2]) * near_x
-        camera.pos, camera.forward, camera.up = pose[:3, 3], pose[:3, 2], -pose[:3, 1]
-        camera.frustum_center, camera.frustum_width = (left + right) / 2, (right - left) / 2
-        camera.frustum_top = (matrix[1, 2] + 0.5) * near_y
-        camera.frustum_bottom = (matrix[1, 2] - height + 0.5) * near_y
-        camera.frustum_near, camera.frustum_far = _NEAR, _FAR
-        camera.orthographic = 0
+            _aim(camera, camera_matrix, transform_base_camera, part)
+        rect = mujoco.MjrRect(0, 0, part.right - part.left, part.bottom - part.top)
+        rgb = np.empty((rect.height, rect.width, 3), np.uint8)
+        mujoco.mjr_render(rect, self._scene, self._gl)
+        mujoco.mjr_readPixels(rgb, None, rect, self._gl)
+        return np.asarray(cv2.flip(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), 0), np.uint8)
 
     def close(self) -> None:
         """Give the context back, in another thread when its own draws next; twice does nothing."""
         self._drop()
         _free_dropped()
+
+
+def _aim(camera: Any, matrix: Array, pose: Array, part: Window) -> None:
+    """Let a camera of the scene see a part of what the one with these intrinsics sees."""
+    near_x, near_y = _NEAR / matrix[0, 0], _NEAR / matrix[1, 1]
+    left = (part.left - 0.5 - matrix[0, 2]) * near_x
+    right = (part.right - 0.5 - matrix[0, 2]) * near_x
+    camera.pos, camera.forward, camera.up = pose[:3, 3], pose[:3, 2], -pose[:3, 1]
+    camera.frustum_center, camera.frustum_width = (left + right) / 2, (right - left) / 2
+    camera.frustum_top = (matrix[1, 2] + 0.5 - part.top) * near_y
+    camera.frustum_bottom = (matrix[1, 2] + 0.5 - part.bottom) * near_y
+    camera.frustum_near, camera.frustum_far = _NEAR, _FAR
+    camera.orthographic = 0
 
 
 # What a context holds is freed in whichever context is current, by numbers that the other one uses

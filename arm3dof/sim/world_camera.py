@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from arm3dof.closing import Closing
 from arm3dof.errors import InputError
+from arm3dof.sim.changes import Changes
 from arm3dof.sim.engine import mujoco
 from arm3dof.sim.lens import Lens
 from arm3dof.sim.mujoco_plant import MujocoPlant
-from arm3dof.sim.renderer import Image, Renderer
+from arm3dof.sim.renderer import DRAWN, Image, Renderer
 from arm3dof.state import Array, frozen_array
 
 Levels = NDArray[np.int16]
@@ -46,6 +48,7 @@ class WorldCamera(Closing):
         exposure: float = 0.0,
         shadows: bool = True,
         smooth: bool = True,
+        onto_last: bool = False,
         rng: np.random.Generator | None = None,
     ) -> None:
         """Put a camera into a world.
@@ -63,10 +66,13 @@ class WorldCamera(Closing):
             exposure: time that a picture takes [s]; what moves meanwhile is blurred.
             shadows: whether things cast shadows.
             smooth: whether edges are drawn smooth, which takes about twice as long.
+            onto_last: whether a picture is drawn onto the last one, only where something has
+                moved; not with shadows, which reach far.
             rng: source of the noise; needed where there is noise.
 
         Raises:
-            InputError: an argument cannot belong to a camera, or there is noise without ``rng``.
+            InputError: an argument cannot belong to a camera, there is noise without ``rng``, or
+                shadows are to be drawn onto the last picture.
             ArmError: this machine can draw nothing; the message says what to install.
         """
         if width < 1 or height < 1:
@@ -74,6 +80,8 @@ class WorldCamera(Closing):
         for name, value in (("noise", noise), ("exposure", exposure)):
             if not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{name} is {value!r}; give 0 or more")
+        if onto_last and shadows:
+            raise InputError("onto_last goes without shadows; give shadows=False")
         self.width, self.height = int(width), int(height)
         self.camera_matrix = _intrinsics(camera_matrix)
         self.transform_base_camera = frozen_array(
@@ -91,6 +99,8 @@ class WorldCamera(Closing):
             shadows=_shadow_map(max(size)) if shadows else 0,
             samples=_SAMPLES if smooth else 0,
         )
+        self._changes = Changes(plant.model, DRAWN, *size) if onto_last else None
+        self._last: Image = np.zeros((size[1], size[0], 3), np.uint8)
 
     def close(self) -> None:
         """Give back what it draws with."""
@@ -128,13 +138,19 @@ class WorldCamera(Closing):
         mujoco.mj_kinematics(self._plant.model, self._data)
         mujoco.mj_camlight(self._plant.model, self._data)
         matrix = self.camera_matrix if self._lens is None else self._lens.matrix
-        return self._renderer.draw(self._data, matrix, self.transform_base_camera)
+        if self._changes is None:
+            return self._renderer.draw(self._data, matrix, self.transform_base_camera)
+        window = self._changes.window(self._data, matrix, self.transform_base_camera)
+        if window is not None:
+            self._last[window.slices] = self._renderer.draw(
+                self._data, matrix, self.transform_base_camera, window
+            )
+        return self._last.copy()
 
     def _with_noise(self, picture: Image, bank: Levels, rng: np.random.Generator) -> Image:
         row, column = rng.integers(0, _SPARE, 2)
         noise = bank[row : row + self.height, column : column + self.width]
-        noisy: Image = np.clip(picture + noise, 0, 255).astype(np.uint8)
-        return noisy
+        return np.asarray(cv2.add(picture, noise, dtype=cv2.CV_8U), np.uint8)  # it saturates
 
 
 def _shadow_map(width: int) -> int:

@@ -22,6 +22,8 @@ from arm3dof.vision.colour import Blob, Image, fill
 _INSIDE, _OUTSIDE = 2, 3
 # colours are carried this far, wide enough to span the band, and the nearest count most [px]
 _REACH, _NEARNESS = 7, 2.0
+SURROUNDINGS = _OUTSIDE + 2 * _REACH
+"""How much around a blob's box has a share in its outline [px]."""
 # noise of a pixel's light, 0 to 1, and how much light and shade vary near an edge
 _LIGHT_SIGMA, _SHADE_SIGMA = 0.006, 0.6
 # below this the two colours are one and the mixture says nothing
@@ -72,7 +74,7 @@ def trace(image: Image, blob: Blob, gamma: float | None = None) -> Array | None:
         Points (u, v) on the outline, shape (n, 2) [px], in no particular order; None where the
         patch is too thin to have an inside.
     """
-    pad = _OUTSIDE + 2 * _REACH
+    pad = SURROUNDINGS
     u, v, w, h = blob.box_px
     left, top = max(u - pad, 0), max(v - pad, 0)
     right = min(u + w + pad, image.shape[1])

@@ -19,7 +19,8 @@ from arm3dof.vision.annotate import annotate
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import ColourTarget, HsvRange, Image, blurred_hsv
 from arm3dof.vision.learn import learn_colour
-from arm3dof.vision.locate import View, look
+from arm3dof.vision.locate import View
+from arm3dof.vision.looker import Looker
 
 _QUALITY = 82  # of the JPEG
 _NOISES = 6  # pictures of the same scene with noise of their own
@@ -134,14 +135,16 @@ class Watcher:
             camera: the camera.
             watch: what to look for at first.
         """
-        self._take, self._camera, self._watch = take, camera, watch
+        self._take, self._camera = take, camera
+        self.watch(watch)
         self._number = 0
         self._picture: Image | None = None
-        self._view: View | None = None
 
     def watch(self, watch: Watch) -> None:
         """Look for other things from now on."""
-        self._watch, self._view = watch, None
+        self._watch = watch
+        self._view: View | None = None
+        self._looker = Looker(self._camera, watch.targets)
 
     @property
     def picture(self) -> Image | None:
@@ -172,7 +175,7 @@ class Watcher:
         view = None if anew else self._view
         if view is None:
             self._picture = picture
-            view = self._view = look(picture, self._camera, self._watch.targets)
+            view = self._view = self._looker.look(picture)
         sight = SeenPicture(self._number, _jpeg(annotate(picture, view)), self._mask(picture), view)
         self._number += 1
         return sight

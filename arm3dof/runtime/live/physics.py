@@ -174,6 +174,7 @@ class LiveCamera:
             noise=_NOISE,
             shadows=False,
             smooth=smooth,
+            onto_last=True,
             rng=self._rng,
         )
 
