@@ -32,6 +32,7 @@ TABS = 3
 STARTS = 5
 _MOVES = ((0.5, 1.6, -1.5), (-0.5, 1.5, -1.2), (0.0, 1.9, -1.8))  # [rad]
 _PERIOD = 0.6  # s: how often the arm gets another target, so that it never rests
+_WARM = 60.0  # s: what memory grows by is counted from there; from the start of shorter runs
 _WORKS = """() => studio.live.last && studio.live.pictures > 0
   && document.getElementById("view").contentWindow.viewer"""
 _COUNT = """() => {
@@ -65,10 +66,10 @@ def run(*, quick: bool) -> list[Table]:
                     if not pages:
                         first = time.perf_counter() - begin
                     pages.append(page)
-                rates, frames, memory = _watch(studio, pages[-1], duration)
+                rates, wakes, memory = _watch(studio, pages[-1], duration)
         finally:
             studio.close()
-    return [_start(2 if quick else STARTS), _arm(frames, duration), _page(rates, first, memory)]
+    return [_start(2 if quick else STARTS), _arm(wakes, duration), _page(rates, first, memory)]
 
 
 def _start(times: int) -> Table:
@@ -110,55 +111,65 @@ def _start_once(folder: Path) -> list[float]:
     return [*marks, first[feed.NUMBERS], first[feed.PICTURE], sum(spent)]
 
 
-def _watch(studio: Studio, page: object, duration: float) -> tuple[dict, list[Frames], list[float]]:
-    """Keep the arm moving, and collect its frames and the page's counts."""
-    end, turn, count = time.monotonic() + duration, 0, studio.arm.ring.count
-    frames: list[Frames] = []
-    memory = []
+def _watch(
+    studio: Studio, page: object, duration: float
+) -> tuple[dict[str, float], np.ndarray, np.ndarray]:
+    """Keep the arm moving; return the page's rates, the arm's wake-ups and memory over time."""
+    start, turn, count = time.monotonic(), 0, studio.arm.ring.count
+    wakes, memory = [], []
     before = page.evaluate(_COUNT)
-    due = time.monotonic()
-    while time.monotonic() < end:
-        if time.monotonic() >= due:
+    due = start
+    while (now := time.monotonic()) < start + duration:
+        if now >= due:
             due += _PERIOD
             studio.ask(cmd.Aim(_MOVES[turn % len(_MOVES)]))
             studio.ask(cmd.Run())
-            memory.append(_memory())
+            if now >= start + _WARM or duration < 2 * _WARM:
+                memory.append(_memory(studio))
             turn += 1
         page.wait_for_timeout(250)  # and not time.sleep, for the browser's events wait as well
         count, new = studio.arm.ring.since(count)
-        frames.append(new)
+        wakes.append(wake_ups(new))
     after = page.evaluate(_COUNT)
     seconds = after["t"] - before["t"]
     rates = {key: (after[key] - before[key]) / seconds for key in ("charts", "pictures", "frames")}
-    return rates, frames, memory
+    return rates, np.concatenate(wakes), np.array(memory)
 
 
-def _memory() -> float:
-    """Return what the page's process, the arm's and the eye's hold [MiB]."""
-    me = psutil.Process()
-    family = [me, *(it for it in me.children(recursive=True) if "chrom" not in it.name())]
-    return sum(it.memory_info().rss for it in family) / 2**20
+def wake_ups(frames: Frames) -> np.ndarray:
+    """Return lateness [s], whether it was a control step, and the count of misses, shape (n, 3).
+
+    Only that is kept of the frames: those of ten minutes would take 100 MB.
+    """
+    return np.column_stack([frames[name] for name in ("lateness", "control", "missed")])
 
 
-def _arm(parts: list[Frames], duration: float) -> Table:
-    frames = np.concatenate(parts)
-    controlled = frames[frames["control"] == 1]
-    missed = int(frames["missed"][-1] - frames["missed"][0])
+def _memory(studio: Studio) -> list[float]:
+    """Return what the page's process (and this program, which is the same), the arm's and the
+    eye's hold [MiB]."""
+    pids = (None, studio.arm.pid, studio.eye.pid)
+    return [psutil.Process(pid).memory_info().rss / 2**20 for pid in pids]
+
+
+def _arm(wakes: np.ndarray, duration: float) -> Table:
+    lateness, is_control, missed = wakes.T
     rows = []
-    for name, column in (("every frame", frames), ("control steps", controlled)):
-        late = 1e3 * column["lateness"]
-        p50, p99 = np.percentile(late, [50, 99])
-        rows.append((name, f"{len(late)}", f"{p50:.2f}", f"{p99:.2f}", f"{late.max():.2f}"))
+    for name, late in (("every frame", lateness), ("control steps", lateness[is_control == 1])):
+        p50, p99 = np.percentile(1e3 * late, [50, 99])
+        rows.append(
+            (name, f"{len(late)}", f"{p50:.2f}", f"{p99:.2f}", f"{1e3 * late.max():.2f}")
+        )
     return Table(
         f"The studio's arm, {duration:.0f} s with {TABS} tabs open: how late it wakes",
         ("wake-ups", "count", "p50 [ms]", "p99 [ms]", "max [ms]"),
         rows,
-        f"Missed deadlines: {missed}. Load average: {psutil.getloadavg()[0]:.1f}.",
+        f"Missed deadlines: {missed[-1] - missed[0]:.0f}. "
+        f"Load average: {psutil.getloadavg()[0]:.1f}.",
     )
 
 
-def _page(rates: dict[str, float], first: float, memory: list[float]) -> Table:
-    grown = 100 * (np.mean(memory[-3:]) / np.mean(memory[:3]) - 1)
+def _page(rates: dict[str, float], first: float, memory: np.ndarray) -> Table:
+    grown = 100 * (memory[-3:].mean(axis=0) / memory[:3].mean(axis=0) - 1)
     return Table(
         "The studio's page in headless Chromium without a GPU, the last tab of three",
         ("what", "measured"),
@@ -167,6 +178,11 @@ def _page(rates: dict[str, float], first: float, memory: list[float]) -> Table:
             ("charts [1/s]", f"{rates['charts']:.1f}"),
             ("camera [1/s]", f"{rates['pictures']:.1f}"),
             ("3-D view [1/s]", f"{rates['frames']:.1f}"),
-            ("memory of page, arm and eye [MiB]", f"{memory[-1]:.0f} ({grown:+.1f} %)"),
+            *(
+                (f"memory of the {name} [MiB]", f"{last:.0f} ({more:+.1f} %)")
+                for name, last, more in zip(
+                    ("page's server", "arm", "eye"), memory[-1], grown, strict=True
+                )
+            ),
         ],
     )

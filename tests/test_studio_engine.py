@@ -23,6 +23,7 @@ from arm3dof.runtime.live.process import SILENCE, ArmLoop, ArmProcess, ArmSpec, 
 from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.runtime.tasks.signals import Sight
 from arm3dof.sim.world import World
+from arm3dof.ui.studio.keep import LONGEST, Runs
 from arm3dof.ui.studio.start import home, table
 from arm3dof.vision.standing import Standing
 
@@ -272,6 +273,18 @@ def test_a_ring_keeps_the_last_frames() -> None:
     assert frames["t"].tolist() == list(range(13, 20))
     assert len(ring.since(20)[1]) == 0
     assert ring.since(18)[1]["t"].tolist() == [18, 19]
+
+
+def test_what_is_kept_of_a_run_stays_small(robot: Robot) -> None:
+    frames = np.zeros(12, frame_type(robot.nv, bodies=3))
+    frames["run"] = 1
+    runs = Runs()
+    for start in np.arange(0.0, 2 * LONGEST, 0.2):
+        frames["t"] = start + np.arange(12) / 60
+        runs.add(frames)
+    recording = runs.recording(robot, cmd.Control())
+    assert recording.t[-1] == pytest.approx(LONGEST, abs=0.5)
+    assert runs.nbytes < 2 << 20
 
 
 def test_a_pacer_adds_up_no_error_and_counts_what_it_missed() -> None:

@@ -22,7 +22,7 @@ from websockets.sync.client import connect
 from arm3dof.model.library import load_robot
 from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.arm import LiveArm
-from arm3dof.runtime.live.frames import Ring
+from arm3dof.runtime.live.frames import Ring, frame_type
 from arm3dof.runtime.live.pace import SimulatedClock
 from arm3dof.runtime.live.plants import RigidPlant
 from arm3dof.runtime.live.process import ArmLoop
@@ -94,6 +94,17 @@ def test_listeners_leave_no_trace(count: int, program: Program) -> None:
             memory, files = server.memory_info().rss, server.num_fds()
     assert server.memory_info().rss < 1.05 * memory
     assert server.num_fds() <= files + 2
+
+
+def test_the_benchmark_keeps_little_of_what_it_watches() -> None:
+    from benchmarks.bench_studio import wake_ups
+
+    frames = np.zeros(100, frame_type(3, bodies=3))
+    frames["lateness"], frames["control"] = np.arange(100), 1
+    kept = wake_ups(frames)
+    np.testing.assert_array_equal(kept[:, 0], np.arange(100))
+    assert kept.base is None
+    assert kept.nbytes <= 24 * len(frames)
 
 
 # ---- pages that come and go ----------------------------------------------------------------------

@@ -82,4 +82,5 @@ class Changes:
     def _points(self, moved: Array, places: Array, turns: Array) -> Array:
         """Return the corners of the boxes around some geoms in the base frame, shape (n, 3)."""
         turned = self._corners[moved] @ turns[moved].reshape(-1, 3, 3).transpose(0, 2, 1)
-        return (turned + places[moved, None]).reshape(-1, 3)
+        points: Array = (turned + places[moved, None]).reshape(-1, 3)
+        return points

@@ -15,6 +15,8 @@ from arm3dof.runtime.recording import Recording
 
 LONGEST = 120.0
 """How much of a run is kept [s]."""
+# what a recording is made of, a sixteenth of a frame: the whole of a run fits into 2 MiB
+_COLUMNS = ("t", "q", "v", "tau", "u", "q_target", "status", "source", "step_time", "control")
 
 
 class Runs:
@@ -31,7 +33,12 @@ class Runs:
             self._run, self._parts = run, []
         mine = frames[(frames["run"] == run) & (frames["paused"] == 0)]
         if run > 0 and len(mine) and self._length() < LONGEST:
-            self._parts.append(mine)
+            self._parts.append(_columns(mine))
+
+    @property
+    def nbytes(self) -> int:
+        """How much memory they take [bytes]."""
+        return sum(part.nbytes for part in self._parts)
 
     def recording(self, robot: Robot, control: cmd.Control) -> Recording:
         """Return the last run.
@@ -68,6 +75,15 @@ class Runs:
 
     def _length(self) -> float:
         return float(self._parts[-1]["t"][-1] - self._parts[0]["t"][0]) if self._parts else 0.0
+
+
+def _columns(frames: Frames) -> Frames:
+    """Return what is kept of frames, shape (n,), in memory of its own."""
+    kind = np.dtype([(name, frames.dtype[name]) for name in _COLUMNS])
+    kept = np.empty(len(frames), kind)
+    for name in _COLUMNS:
+        kept[name] = frames[name]
+    return kept
 
 
 def write_into(folder: Path, name: str, data: bytes) -> Path:
