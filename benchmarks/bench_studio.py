@@ -145,8 +145,7 @@ def wake_ups(frames: Frames) -> np.ndarray:
 
 
 def _memory(studio: Studio) -> list[float]:
-    """Return what the page's process (and this program, which is the same), the arm's and the
-    eye's hold [MiB]."""
+    """Return what this process, which has the page, the arm's and the eye's hold [MiB]."""
     pids = (None, studio.arm.pid, studio.eye.pid)
     return [psutil.Process(pid).memory_info().rss / 2**20 for pid in pids]
 
@@ -156,9 +155,7 @@ def _arm(wakes: np.ndarray, duration: float) -> Table:
     rows = []
     for name, late in (("every frame", lateness), ("control steps", lateness[is_control == 1])):
         p50, p99 = np.percentile(1e3 * late, [50, 99])
-        rows.append(
-            (name, f"{len(late)}", f"{p50:.2f}", f"{p99:.2f}", f"{1e3 * late.max():.2f}")
-        )
+        rows.append((name, f"{len(late)}", f"{p50:.2f}", f"{p99:.2f}", f"{1e3 * late.max():.2f}"))
     return Table(
         f"The studio's arm, {duration:.0f} s with {TABS} tabs open: how late it wakes",
         ("wake-ups", "count", "p50 [ms]", "p99 [ms]", "max [ms]"),
