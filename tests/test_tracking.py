@@ -55,10 +55,11 @@ def test_a_motion_is_what_constant_accelerations_make(blocks):
 def test_torques_are_pinocchios_and_follow_the_masses():
     rng = np.random.default_rng(1)
     robot = load_robot("arm3dof").clone()
-    torque, tau = HorizonTorque(robot, 0.05, 20), np.empty((20, 3))
+    torque = HorizonTorque(robot, 0.05, 20)
     motion = MotionMap(MpcSettings())(*rng.normal(size=(2, 3)), rng.normal(size=60))
     for _ in range(2):
-        torque.evaluate(motion.q_middle, motion.v_middle, motion.u, tau)
+        tau = np.zeros((20, 3))
+        torque.add(motion.q_middle, motion.v_middle, motion.u, tau)
         for k, (q, v, u) in enumerate(zip(*motion[2:], strict=True)):
             rigid = pin.rnea(robot.model, robot.model.createData(), q, v, u)
             assert (np.abs(tau[k] - rigid) <= robot.damping * (np.abs(v) + np.abs(u)) + 1e-12).all()

@@ -28,7 +28,8 @@ class Bounds(NamedTuple):
         least: ``low - tolerance``.
         most: ``high + tolerance``.
         sides: all upper limits, then all lower ones with their signs turned, (2 kinds N nv,).
-        price: most that a unit of violation may cost, ``UNBOUNDED`` for a hard limit, (kinds,).
+        prices: most that a unit of violation may cost, ``UNBOUNDED`` for a hard limit, in the order
+            of ``sides``.
         last_torque: torque before stage 0, which the rate counts from, shape (nv,) [N m].
     """
 
@@ -38,16 +39,17 @@ class Bounds(NamedTuple):
     least: Array
     most: Array
     sides: Array
-    price: Array
+    prices: Array
     last_torque: Array
 
     @staticmethod
     def between(low: Array, high: Array, price: Array, last_torque: Array) -> Bounds:
-        """Return bounds with the tolerance that suits their size."""
+        """Return bounds with the tolerance that suits their size, and a price for each kind."""
         tolerance = _TOLERANCE * np.maximum(np.abs(high), 1.0)
         sides = np.concatenate([high.ravel(), -low.ravel()])
+        prices = np.tile(np.repeat(price, high[0].size), 2)
         return Bounds(
-            low, high, tolerance, low - tolerance, high + tolerance, sides, price, last_torque
+            low, high, tolerance, low - tolerance, high + tolerance, sides, prices, last_torque
         )
 
     @staticmethod
@@ -75,7 +77,7 @@ class Bounds(NamedTuple):
         most = np.broadcast_to(change, (1, *self.high.shape[1:]))
         high = np.concatenate([self.high[:RATE], most])
         low = np.concatenate([self.low[:RATE], -most])
-        price = np.append(self.price[:RATE], UNBOUNDED)
+        price = np.append(self.prices[:: high[0].size][:RATE], UNBOUNDED)
         return Bounds.between(low, high, price, last_torque)
 
     def slowing_from(self, v: Array) -> Bounds:
@@ -88,16 +90,28 @@ class Bounds(NamedTuple):
         Args:
             v: velocities at stage 0, shape (nv,) [rad/s].
         """
-        low, high = self.low.copy(), self.high.copy()
-        left = _excess_left(high.shape[1])
-        high[VELOCITY] += left * np.maximum(v - high[VELOCITY], 0.0)
-        low[VELOCITY] += left * np.minimum(v - low[VELOCITY], 0.0)
-        return Bounds.between(low, high, self.price, self.last_torque)
+        beyond = v - np.minimum(np.maximum(v, self.low[VELOCITY, 0]), self.high[VELOCITY, 0])
+        left = _excess_left(len(self.high[VELOCITY])).dot(beyond[np.newaxis]).ravel()
+        sides, count, first = self.sides.copy(), self.high.size, VELOCITY * left.size
+        sides[first : first + left.size] += np.maximum(left, 0.0)
+        sides[count + first : count + first + left.size] -= np.minimum(left, 0.0)
+        high, low = sides[:count].reshape(self.high.shape), -sides[count:].reshape(self.low.shape)
+        least, most = low - self.tolerance, high + self.tolerance
+        return Bounds(low, high, self.tolerance, least, most, sides, self.prices, self.last_torque)
 
     def cheaper(self, share: float) -> Bounds:
         """Return the bounds with a share of the price of leaving soft limits."""
-        soft = self.price < UNBOUNDED
-        return self._replace(price=np.where(soft, share * self.price, self.price))
+        soft = self.prices < UNBOUNDED
+        return self._replace(prices=np.where(soft, share * self.prices, self.prices))
+
+    def keep(self, values: Array) -> bool:
+        """Whether all values are inside the bounds, up to the tolerance; NaN is not.
+
+        Args:
+            values: shape (kinds, N, nv).
+        """
+        kept = (values <= self.most) & (values >= self.least)
+        return bool(np.count_nonzero(kept) == kept.size)  # faster than all()
 
     def excess(self, values: Array) -> Array:
         """Return by how much values are above the upper and below the lower limits.

@@ -1,7 +1,7 @@
 """Quadratic programs with nothing but bounds: guessed well and proved, or solved step by step.
 
 A guess of which variables are inside their bounds gives a point by one linear system. It is made
-better by the primal-dual active set method (Hintermueller, Ito and Kunisch 2003). Where the sets
+better by the primal-dual active set method (Hintermueller, Ito and Kunisch 2003). Where its sets
 settle the point keeps its bounds and its multipliers have the right signs by construction, so the
 gradient alone has to be looked at. Where they do not, the primal active set method takes over, and
 what it cannot settle either is left to ProxQP.
@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+import eigenpy
 import numpy as np
-from numpy.typing import NDArray
 
 from arm3dof.control.active_set import solve_by_active_set
 from arm3dof.control.qp import QpSettings, QpSolution, QpStatus, broken, solve_once
@@ -22,6 +23,8 @@ from arm3dof.state import Array
 
 _SAME = 1e-5  # relative difference up to which a solution is made exact
 _ROUNDS = 8  # in which a guess is made better
+_LOWER, _INSIDE, _UPPER = range(3)  # at zero, between the bounds, at the upper bound
+_Cholesky, _SUCCESS = eigenpy.LLT, eigenpy.ComputationInfo.Success
 _ABSURD = 1e8  # a larger guess comes from rows that are nearly dependent
 
 
@@ -31,7 +34,7 @@ class _Point(NamedTuple):
     Attributes:
         x: shape (n,).
         z: the bounds' multipliers, shape (n,); positive where the upper one pushes.
-        error: largest |H x + g + z|, all that is left to prove; infinite if the sets are not right.
+        error: norm of H x + g + z, all that is left to prove; infinite if its places are not right.
     """
 
     x: Array
@@ -40,7 +43,7 @@ class _Point(NamedTuple):
 
 
 def solve_box(
-    H: Array, g: Array, u: Array, inside: NDArray[np.bool_], settings: QpSettings
+    H: Array, g: Array, u: Array, inside: Iterable[bool], settings: QpSettings
 ) -> QpSolution:
     """Minimise 1/2 x' H x + g' x subject to 0 <= x <= u.
 
@@ -48,7 +51,7 @@ def solve_box(
         H: Hessian with a diagonal of about 1, shape (n, n).
         g: gradient at zero, shape (n,).
         u: upper bounds, shape (n,).
-        inside: which variables are guessed to be inside their bounds, shape (n,).
+        inside: which variables are guessed to be inside their bounds, n of them.
         settings: accuracy and effort.
     """
     start, n = time.perf_counter(), g.size
@@ -63,30 +66,29 @@ def solve_box(
         x, status = solution.x, solution.status
     if status is QpStatus.NOT_FINITE:
         return broken(n, n, start)
-    point = _from_sets(H, g, u, (x > 0.0) & (x < u), x >= u)
+    found = zip(x.tolist(), u.tolist(), strict=True)
+    places = [_UPPER if at >= most else _INSIDE if at > 0.0 else _LOWER for at, most in found]
+    point = _from_places(H, g, u, places)
     if np.abs(point.x - x).max() <= _SAME * max(float(np.abs(x).max()), 1.0):
-        x = point.x  # the sets are known, and with them every digit
+        x = point.x  # the places are known, and with them every digit
     return QpSolution(x, point.z, status, time.perf_counter() - start)
 
 
-def _guess(H: Array, g: Array, u: Array, inside: NDArray[np.bool_]) -> _Point:
+def _guess(H: Array, g: Array, u: Array, inside: Iterable[bool]) -> _Point:
     """Return the point that follows from a guess, made better in rounds.
 
     If the rounds do not settle the first point is moved into the bounds.
     """
-    upper = np.zeros_like(inside)
-    first = point = _from_sets(H, g, u, inside, upper)
+    # plain numbers: for as few as there are, faster than arrays
+    places, most = [_INSIDE if guessed else _LOWER for guessed in inside], u.tolist()
+    first = point = _from_places(H, g, u, places)
     for _ in range(_ROUNDS):
-        x, z, _ = point
-        if x.min() >= 0.0 and z.max() <= 0.0 and (x <= u).all() and not upper.any():
-            return point  # the usual case, said shortly
-        above, below = x > u, x < 0.0
-        new_upper = np.where(inside, above, upper & (z >= 0.0))
-        new_inside = np.where(inside, ~(above | below), np.where(upper, z < 0.0, z > 0.0))
-        if (new_inside == inside).all() and (new_upper == upper).all():
+        known = zip(places, point.x.tolist(), point.z.tolist(), most, strict=True)
+        better = [_better_place(*variable) for variable in known]
+        if better == places:
             return point
-        inside, upper = new_inside, new_upper
-        point = _from_sets(H, g, u, inside, upper)
+        places = better
+        point = _from_places(H, g, u, places)
     x = np.minimum(np.maximum(first.x, 0.0), u)
     if not x.max() < _ABSURD:
         x = np.zeros_like(g)
@@ -95,28 +97,54 @@ def _guess(H: Array, g: Array, u: Array, inside: NDArray[np.bool_]) -> _Point:
     return _Point(x, z, math.inf)
 
 
-def _from_sets(
-    H: Array, g: Array, u: Array, inside: NDArray[np.bool_], upper: NDArray[np.bool_]
-) -> _Point:
+def _better_place(place: int, x: float, z: float, u: float) -> int:
+    """Return where a variable is better looked for; where it is if nothing speaks against it."""
+    if place == _INSIDE:
+        return _UPPER if x > u else _LOWER if x < 0.0 else _INSIDE
+    leaves = z > 0.0 if place == _LOWER else z < 0.0
+    return _INSIDE if leaves else place
+
+
+def _from_places(H: Array, g: Array, u: Array, places: Sequence[int]) -> _Point:
     """Return the point at which known variables are at known bounds.
 
     Args:
         H: Hessian, shape (n, n).
         g: gradient at zero, shape (n,).
         u: upper bounds, shape (n,).
-        inside: which variables are inside, shape (n,).
-        upper: which are at their upper bounds, shape (n,); the others are at zero.
+        places: of each variable: inside its bounds, at zero, or at its upper bound.
     """
+    x = np.zeros(g.size)
+    if _UPPER in places:
+        at = [i for i, place in enumerate(places) if place == _UPPER]
+        x[at] = u[at]
+    k = np.array([i for i, place in enumerate(places) if place == _INSIDE], dtype=np.intp)
     try:
-        if inside.all():
-            x = np.asarray(np.linalg.solve(H, -g))
-            return _Point(x, np.zeros_like(g), float(np.abs(H @ x + g).max()))
-        x = np.where(upper, u, 0.0)
-        k = inside.nonzero()[0]
-        x[k] = np.linalg.solve(H[k[:, np.newaxis], k], -g[k] - H[k] @ x)
-    except np.linalg.LinAlgError:  # such sets cannot be right
-        return _Point(np.zeros_like(g), np.zeros_like(g), math.inf)
-    z = -(H @ x + g)
-    error = float(np.abs(z[k]).max(initial=0.0))
+        if k.size == g.size:
+            x = _solve(H, -g)
+            return _Point(x, np.zeros(g.size), _norm(H.dot(x) + g))
+        if k.size:
+            rows = H.take(k, 0)
+            x[k] = _solve(rows.take(k, 1), -g[k] - rows.dot(x))
+    except np.linalg.LinAlgError:  # such places cannot be right
+        return _Point(np.zeros(g.size), np.zeros(g.size), math.inf)
+    z = -(H.dot(x) + g)
+    error = _norm(z[k])
     z[k] = 0.0
     return _Point(x, z, error)
+
+
+def _solve(H: Array, right: Array) -> Array:
+    """Return H^-1 right of a positive definite H; less than half the time of numpy's ``solve``.
+
+    Raises:
+        numpy.linalg.LinAlgError: H is not positive definite.
+    """
+    factor = _Cholesky(H)
+    if factor.info() != _SUCCESS:
+        raise np.linalg.LinAlgError("not positive definite")
+    return np.asarray(factor.solve(right).ravel())  # of one row it makes a matrix
+
+
+def _norm(values: Array) -> float:
+    return math.sqrt(values.dot(values))

@@ -62,9 +62,9 @@ class StateEstimator:
         self.reset()
 
     @property
-    def noise(self) -> Array:
-        """Believed standard deviation of a measured position, shape (nv,) [rad]."""
-        return np.array(self._noise)
+    def noise(self) -> list[float]:
+        """Believed standard deviation of a measured position, of each joint [rad]."""
+        return self._noise
 
     @property
     def most_noise(self) -> float:
@@ -95,7 +95,7 @@ class StateEstimator:
             self._readings[self._read] = state.q
             self._read += 1
 
-    def update(self, u: Array, gap: Iterable[float], state: JointState) -> Array:
+    def update(self, u: Array, gap: Iterable[float], state: JointState) -> list[float]:
         """Take in a measurement at the end of a sample.
 
         Args:
@@ -105,7 +105,7 @@ class StateEstimator:
             state: the measurement.
 
         Returns:
-            The acceleration beyond ``u`` that is expected to last, shape (nv,) [rad/s^2].
+            Each joint's acceleration beyond ``u`` that is expected to last [rad/s^2].
         """
         # plain numbers, joint by joint: arrays this small cost more than what is done with them
         dt, half, readings, pushed = self._dt, self._dt / 2, self._sample(state), u.tolist()
@@ -133,16 +133,21 @@ class StateEstimator:
         if not any(rows):  # the first row believes what is measured
             return self._believe(state, new)
         estimates = [
-            (q - e[0] + _dot(to_q, e), v - e[1] + _dot(to_v, e), _dot(to_lasting, e))
+            (
+                q - e[0] + sum(map(mul, to_q, e)),
+                v - e[1] + sum(map(mul, to_v, e)),
+                sum(map(mul, to_lasting, e)),
+            )
             for q, v, e, (to_q, to_v, to_lasting) in zip(
                 q_now, v_now, new, map(table.gain.__getitem__, rows), strict=True
             )
         ]
-        self.q, self.v, lasting = np.array(list(zip(*estimates, strict=True)))
-        return np.asarray(lasting)
+        q, v, lasting = zip(*estimates, strict=True)
+        self.q, self.v = np.array(q), np.array(v)
+        return list(lasting)
 
-    def _believe(self, state: JointState, new: Sequence[tuple[float, ...]]) -> Array:
-        """Take a measurement as it is; return the acceleration that is expected to last.
+    def _believe(self, state: JointState, new: Sequence[tuple[float, ...]]) -> list[float]:
+        """Take a measurement as it is; return each joint's acceleration that is expected to last.
 
         Args:
             state: the measurement.
@@ -150,15 +155,15 @@ class StateEstimator:
         """
         self.q, self.v = state.q, state.v
         share = self._learning / self._dt
-        return np.array([share * innovations[1] for innovations in new])
+        return [share * innovations[1] for innovations in new]
 
     def _rows(self, telling: Iterable[tuple[float, float]], table: Gains) -> list[int]:
         """Return each joint's row of the table, and be surprised by the telling innovations."""
-        rows, surprises = [], []
+        rows, surprises, per_sample = [], [], self._dt**-2
         far, fast = self._telling[len(table.gain[0][0])]
         joints = zip(telling, self._noise, self._surprise, strict=True)
         for (first, second), noise, surprise in joints:
-            scale = noise / self._dt**2
+            scale = noise * per_sample
             row = bisect_left(table.edges, scale / surprise)
             spread, likely = table.telling[row], _SURPRISING * surprise
             beyond = max(
@@ -200,17 +205,14 @@ class StateEstimator:
     def _learn_from_gap(self, gap: Iterable[float], u: list[float]) -> None:
         """Learn the noise from how far a position is from where the velocities lead."""
         fastest, hardest = max(map(abs, self.v.tolist())), max(map(abs, u))
-        weight = (1.0 + (hardest / _SLOW[0]) ** 2 + (fastest / _SLOW[1]) ** 2) ** -2
+        hardest, fastest = hardest / _SLOW[0], fastest / _SLOW[1]
+        weight = 1.0 / (1.0 + hardest * hardest + fastest * fastest) ** 2
         self._weight = _GAP_MEMORY * self._weight + weight
         share = weight / (self._weight + 1.0)  # 1: the belief that there is none, to begin with
         kept, per_gap = 1 - share, share / self._gap_variance
         joints = zip(self._variance, gap, strict=True)
         self._variance = [kept * known + per_gap * g * g for known, g in joints]
         self._noise = list(map(math.sqrt, self._variance))
-
-
-def _dot(one: Iterable[float], other: Iterable[float]) -> float:
-    return float(sum(map(mul, one, other)))
 
 
 @lru_cache(maxsize=16)

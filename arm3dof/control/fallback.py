@@ -6,26 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from arm3dof.control.plan import Plan
 from arm3dof.control.step import TorqueSource
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState
 
 _BRAKING_STEPS = 2.0  # braking halves the speed in each step
-
-
-class Plan(NamedTuple):
-    """What the arm is expected to do from a step on.
-
-    Attributes:
-        u: accelerations of stages 0..N, the last of which repeats the one before, (N + 1, nv)
-            [rad/s^2].
-        q: positions at stages 0..N, shape (N + 1, nv) [rad].
-        v: velocities at stages 0..N, shape (N + 1, nv) [rad/s].
-    """
-
-    u: Array
-    q: Array
-    v: Array
 
 
 class Answer(NamedTuple):
@@ -91,19 +77,19 @@ class Fallback:
         self._age += 1
         believed = state or self._believed()
         if believed is None:
-            nothing = np.zeros((1, self._robot.nv))
-            plan = Plan(nothing, nothing, nothing)
-            return Answer(nothing[0], nothing[0], nothing[0], plan, TorqueSource.BRAKING)
+            nothing = np.zeros(self._robot.nv)
+            plan = Plan.of_one_stage(nothing, nothing, nothing)
+            return Answer(nothing, nothing, nothing, plan, TorqueSource.BRAKING)
         valid = self._plan is not None and self._age <= min(
             self._most_steps,
             len(self._plan.u) - 2,  # the last row repeats the one before
         )
         if self._plan is not None and valid and (self._fits or state is None):
-            rest = Plan(*(part[self._age :] for part in self._plan))
+            rest = self._plan.later(self._age)
             u, source = rest.u[0], TorqueSource.PREVIOUS_PLAN
         else:
             u = -believed.v / (_BRAKING_STEPS * self._dt)
-            rest = Plan(u[np.newaxis], believed.q[np.newaxis], believed.v[np.newaxis])
+            rest = Plan.of_one_stage(u, believed.q, believed.v)
             source = TorqueSource.BRAKING
         tau = self._robot.inverse_dynamics(believed.q, believed.v, u) - disturbance
         rigid = tau - self._robot.friction * np.sign(believed.v)
@@ -113,6 +99,5 @@ class Fallback:
         """Return where the plan says that the arm is now; at rest once the plan has ended."""
         if self._plan is None:
             return None
-        row = min(self._age, len(self._plan.q) - 1)
-        moving = self._age <= self._most_steps
-        return JointState(0.0, self._plan.q[row], self._plan.v[row] * moving)
+        q, v = self._plan.states[:, min(self._age, self._plan.states.shape[1]) - 1]
+        return JointState(0.0, q, v * (self._age <= self._most_steps))

@@ -12,16 +12,18 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from arm3dof.control.formulation import damping_share
-from arm3dof.control.motion import Motion
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array
 
 
 class HorizonTorque:
-    """Inverse dynamics of all stages in one call, and their derivatives stage by stage."""
+    """Inverse dynamics of all stages in one call, and their derivatives stage by stage.
+
+    Attributes:
+        damping: D of every stage, shape (N, nv) [N m s/rad].
+    """
 
     def __init__(self, robot: Robot, dt: float, horizon: int) -> None:
         """Create the evaluator of a robot.
@@ -38,40 +40,44 @@ class HorizonTorque:
         self._model = self._pool.getModel(0)  # a copy, which the pool evaluates as it is
         self._model.armature = robot.model.armature + rotor
         self._data = self._model.createData()
-        self._damping = robot.damping
-        self._every_damping = np.tile(robot.damping, (horizon, 1))  # as large: faster to multiply
+        self.damping = np.tile(robot.damping, (horizon, 1))  # as large as v: faster to multiply
+        self._rigid = np.empty_like(self.damping)
         self._damping_slope = np.diag(robot.damping)
 
     def refresh(self) -> None:
         """Take over the robot's masses as they are now."""
-        own = self._model.inertias
-        for joint, inertia in enumerate(self._believed.inertias):
-            own[joint] = inertia
+        own, believed = self._model.inertias, self._believed.inertias
+        for joint in range(1, len(own)):  # joint 0 is the world
+            own[joint] = believed[joint]
 
-    def evaluate(self, q: Array, v: Array, u: Array, out: Array) -> None:
-        """Evaluate the torques of all stages.
+    def add(self, q: Array, v: Array, u: Array, out: Array, *, damping: bool = True) -> None:
+        """Add the torques of all stages.
 
         Args:
             q: positions in the middle of the samples, shape (N, nv) [rad].
             v: velocities there, shape (N, nv) [rad/s].
             u: accelerations, shape (N, nv) [rad/s^2].
-            out: takes the torques, shape (N, nv) [N m].
+            out: what they are added to, shape (N, nv) [N m].
+            damping: whether ``D v`` is to be added; if not, it is there already.
         """
-        pin.rneaInParallel(1, self._pool, q.T, v.T, u.T, out.T)  # one call; on this one thread
-        out += self._every_damping * v
+        rigid = self._rigid
+        pin.rneaInParallel(1, self._pool, q.T, v.T, u.T, rigid.T)  # one call; on this one thread
+        out += rigid
+        if damping:
+            out += self.damping * v
 
-    def linearise(self, motion: Motion, stages: NDArray[np.intp]) -> tuple[Array, Array]:
+    def linearise(self, q: Array, v: Array, u: Array) -> tuple[Array, Array]:
         """Return the torques of some stages, and how they change with the motion there.
 
         Args:
-            motion: the motion.
-            stages: which stages, shape (k,).
+            q: positions in the middle of these samples, shape (k, nv) [rad].
+            v: velocities there, shape (k, nv) [rad/s].
+            u: accelerations, shape (k, nv) [rad/s^2].
 
         Returns:
             tau, shape (k, nv) [N m], and d tau / d [q, v, u] in the middle of each sample,
             shape (k, nv, 3, nv).
         """
-        q, v, u = motion.q_middle[stages], motion.v_middle[stages], motion.u[stages]
         tau = np.empty_like(q)
         slopes = np.empty((len(q), 3, q.shape[1], q.shape[1]))
         model, data = self._model, self._data
@@ -79,5 +85,5 @@ class HorizonTorque:
             slopes[k, 0], slopes[k, 1], slopes[k, 2] = pin.computeRNEADerivatives(model, data, *at)
             tau[k] = data.tau
         slopes[:, 1] += self._damping_slope
-        tau += self._damping * v
+        tau += self.damping[0] * v
         return tau, slopes.swapaxes(1, 2)

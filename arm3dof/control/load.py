@@ -23,6 +23,7 @@ _MASS_ERROR_PRIOR = 0.3  # standard deviation of s
 _LOAD_PRIOR = 0.25  # standard deviation of m, as a share of the load that stalls a joint
 _TORQUE_NOISE = 0.02  # standard deviation of r, as a share of the torque limit
 _MASS_ERROR_RANGE = (-0.6, 1.5)
+_PARAMETERS = 10  # of a body
 _SAME = 5e-3  # a smaller change of s, or of m as a share of the most, is not taught
 
 
@@ -42,8 +43,8 @@ class LoadEstimator:
         """
         self._nominal = nominal.clone()
         self._unit = nominal.with_payload((nominal.payload.mass if nominal.payload else 0.0) + 1.0)
-        self._parameters = _parameters(self._nominal)
-        self._load_parameters = _parameters(self._unit) - self._parameters
+        masses, with_unit = _parameters(self._nominal), _parameters(self._unit)
+        self._by_unknown = np.stack([masses.ravel(), (with_unit - masses).ravel()], axis=1)
         self._data = self._nominal.model.createData()
         self._unit_data = self._unit.model.createData()
         limits = nominal.limits
@@ -121,7 +122,8 @@ class LoadEstimator:
         if near and new != (0.0, 0.0):
             return False
         self._taught = new
-        bodies = (1 + self.mass_error) * self._parameters + self.load * self._load_parameters
+        unknowns = np.array((1 + self.mass_error, self.load))
+        bodies = self._by_unknown.dot(unknowns).reshape(-1, _PARAMETERS)
         inertias = robot.model.inertias
         for joint in range(1, len(bodies)):  # joint 0 is the world
             inertias[joint] = pin.Inertia.FromDynamicParameters(bodies[joint])

@@ -55,8 +55,11 @@ class MotionMap:
         by_state = np.zeros((5, horizon, 2))
         by_state[[0, 2], :, 0] = by_state[[1, 3], :, 1] = one
         by_state[0, :, 1], by_state[2, :, 1] = end, end - dt / 2
-        stacked = np.concatenate([self.by_decision, by_state], axis=2)
-        self._by_cause = np.ascontiguousarray(stacked.reshape(5 * horizon, -1))
+        by_cause = np.zeros((6, horizon, self.by_decision.shape[2] + 3))
+        by_cause[1:, :, :-3], by_cause[1:, :, -3:-1] = self.by_decision, by_state
+        by_cause[0, :, -1] = 1.0
+        self._coasting = by_state[:2].reshape(2 * horizon, 2)
+        self._by_cause = by_cause.reshape(6 * horizon, -1)
 
     def __call__(self, q: Array, v: Array, w: Array) -> Motion:
         """Return a motion.
@@ -66,11 +69,20 @@ class MotionMap:
             v: velocities at stage 0, shape (nv,) [rad/s].
             w: decisions, those of all joints together for each block, shape (n,) [rad/s^2].
         """
-        return Motion(*self.stacked(q, v, w)[1:])
+        return Motion(*self.stacked(q, v, w, np.zeros(q.size))[1:])
 
-    def stacked(self, q: Array, v: Array, w: Array) -> Array:
-        """Return the parts of a motion after room for one more, shape (6, N, nv)."""
-        causes = np.concatenate((w, q, v)).reshape(-1, q.size)
-        stack = np.empty((6, len(self._by_cause) // 5, q.size))
-        np.matmul(self._by_cause, causes, out=stack[1:].reshape(-1, q.size))
-        return stack
+    def coasting(self, q: Array, v: Array) -> Array:
+        """Return positions and velocities at stages 1..N without acceleration, (2 N, nv)."""
+        return np.asarray(self._coasting.dot(np.concatenate((q, v)).reshape(2, -1)))
+
+    def stacked(self, q: Array, v: Array, w: Array, first: Array) -> Array:
+        """Return the parts of a motion after one that is the same at all stages, (6, N, nv).
+
+        Args:
+            q: positions at stage 0, shape (nv,) [rad].
+            v: velocities at stage 0, shape (nv,) [rad/s].
+            w: decisions, shape (n,) [rad/s^2].
+            first: what the first part repeats, shape (nv,).
+        """
+        causes = np.concatenate((w, q, v, first)).reshape(-1, q.size)
+        return np.asarray(self._by_cause.dot(causes).reshape(6, -1, q.size))

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
 from math import isfinite, isnan
 from operator import gt
 
 import numpy as np
 
-from arm3dof.control.bounds import Bounds
-from arm3dof.control.fallback import Answer, Fallback, Plan
+from arm3dof.control.bounds import TORQUE, Bounds
+from arm3dof.control.fallback import Answer, Fallback
 from arm3dof.control.formulation import Formulation
 from arm3dof.control.observer import Observer
 from arm3dof.control.optimum import Optimum
 from arm3dof.control.paper import PaperFormulation
+from arm3dof.control.plan import Plan
 from arm3dof.control.program import Program
 from arm3dof.control.qp import QpStatus
 from arm3dof.control.reference import Reference, Target, sample_target
@@ -32,6 +35,7 @@ _FRICTION_SHARE = 0.9  # friction compensation never takes more of the torque li
 _MOST_OVERSPEED = 10.0  # a speed of more than this many times its limit is a broken measurement
 _MOST_OUTSIDE = 2 * np.pi  # [rad]: and so is a position this far outside its range
 _TARGET_JUMP = 0.1  # [rad]: a target that moves more in one step makes the last plan useless
+_ABSURD = 1e6  # [rad, rad/s, N m]: a limit this large is none
 _FARTHEST = 50.0  # [rad]: a target that is farther away pulls no harder
 _FORMULATIONS: dict[str, Callable[[Robot, MpcSettings], Formulation]] = {
     "tracking": TrackingFormulation,
@@ -76,9 +80,14 @@ class MpcController:
         self._tau_max = tau_max.tolist()
         self._v_max = robot.limits.v_max.tolist()
         self._most_change = self._torque_change()
+        # numbers without a sensible limit may overflow: then their program is not solved, and
+        # nobody needs numpy's warning; where there is none to be silenced a step saves the time
+        sensible = max(np.abs(believable).max(), tau_max.max()) < _ABSURD
+        self._unwarned = nullcontext if sensible else partial(np.errstate, all="ignore")
         self._tau: Array | None = None
         self._target: list[float] | None = None
-        self._settled: list[float] | None = None  # the last target, if it is finite and near
+        self._held: Reference | None = None  # the last reference, ...
+        self._settled: list[float] | None = None  # ... and its target, if that is constant and near
 
     @property
     def dt(self) -> float:
@@ -90,7 +99,7 @@ class MpcController:
         self._forget_plan()
         self._fallback.reset()
         self.observer.reset()
-        self._tau = self._target = self._settled = None
+        self._tau = self._target = self._held = self._settled = None
 
     def step(self, state: JointState, target: Target) -> ControlStep:
         """Return the torque to apply until the next step.
@@ -114,26 +123,29 @@ class MpcController:
             self._formulation.reset()  # the masses that its torque rows hold are out of date
         state = self.observer.predict(state.t)
         jumped = self.observer.jumped
-        if len(reference.q) > 1 or reference.q[0].tolist() != self._settled:
+        if reference is not self._held:
             if not _is_finite(reference.q):
                 return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)
             reference = self._within_reach(reference, state)
             jumped |= self._target_jumped(reference)
+            self._hold(reference)
         if jumped:
             self._forget_plan()
         limit = self.settings.max_step_time
         deadline = None if limit is None else start + limit
         self._solver.begin(deadline)
-        with np.errstate(all="ignore"):  # an absurd state overflows; its program is not solved
+        with self._unwarned():
             optimum, plan = self._optimise(state, reference)
         if deadline is not None and time.perf_counter() > deadline:
             return self._fall_back(state, reference, ControlStatus.DEADLINE_MISSED, start)
         if optimum is None or plan is None or optimum.status is not QpStatus.SOLVED:
             return self._fall_back(state, reference, ControlStatus.NOT_SOLVED, start)
         self._fallback.remember(plan)
-        self._solver.advance(self.settings.horizon, self.robot.nv)
+        self._solver.advance(self.settings.horizon, len(self._tau_max))
         rigid = self._within_rate(optimum)
-        tau = rigid + self._friction_compensation(plan.v[1]) if self._has_friction else rigid
+        tau = rigid
+        if self._has_friction:
+            tau = rigid + self._friction_compensation(plan.states[1, 0])
         status = ControlStatus.SOFTENED if optimum.softened else ControlStatus.SOLVED
         # the paper's u leaves the Coriolis torque out; otherwise u is the acceleration
         u = optimum.w[: tau.size] if self.settings.formulation == "paper" else plan.u[0]
@@ -173,7 +185,7 @@ class MpcController:
         return optimum
 
     def _check_size(self, state: JointState) -> None:
-        if state.q.size != self.robot.nv:
+        if state.q.size != len(self._tau_max):
             raise InputError(
                 f"the state has {state.q.size} joints; {self.robot.name} has {self.robot.nv}"
             )
@@ -192,13 +204,19 @@ class MpcController:
 
     def _target_jumped(self, reference: Reference) -> bool:
         last, self._target = self._target, reference.q[0].tolist()
-        self._settled = self._target if max(map(abs, self._target)) < _FARTHEST else None
         if last is None:
             return True
         moves = zip(last, self._target, strict=True)
         return any(abs(after - before) > _TARGET_JUMP for before, after in moves)
 
+    def _hold(self, reference: Reference) -> None:
+        """Note a constant target that is near: it need not be looked at again while it stays."""
+        near = len(reference.q) == 1 and np.abs(reference.q).max() < _FARTHEST
+        self._held, self._settled = reference, self._target if near else None
+
     def _reference(self, state: JointState, target: Target) -> Reference:
+        if self._held and isinstance(target, np.ndarray) and target.tolist() == self._settled:
+            return self._held
         begin = state.t + self.settings.delay
         return sample_target(target, self.robot.nv, begin, self.dt, self.settings.horizon)
 
@@ -233,13 +251,11 @@ class MpcController:
         return optimum, plan
 
     def _plan(self, state: JointState, program: Program, optimum: Optimum) -> Plan:
-        stages = np.empty((3, self.settings.horizon + 1, state.q.size))
-        u, q, v = stages[0], stages[1], stages[2]  # faster than unpacking
-        q[0], v[0], stages[1:, 1:] = state.q, state.v, optimum.states
-        decided = program.accelerations(optimum.w)
-        u[:-1] = (v[1:] - v[:-1]) / self.dt if decided is None else decided
-        u[-1] = u[-2]
-        return Plan(u, q, v)
+        decided, states = program.accelerations(optimum.w), optimum.states
+        if decided is None:
+            decided = np.diff(states[1], axis=0, prepend=state.v[np.newaxis]) / self.dt
+        u = np.concatenate((decided, decided[-1:]))
+        return Plan(u, (state.q, state.v), states)
 
     def _is_plausible(self, state: JointState) -> bool:
         joints = zip(state.q.tolist(), state.v.tolist(), self._believable, strict=True)
@@ -248,7 +264,7 @@ class MpcController:
     def _within_rate(self, optimum: Optimum) -> Array:
         """Return the torque of stage 0; a limit of its change holds to the last digit."""
         if self._most_change is None:
-            return np.asarray(optimum.tau[0])
+            return np.asarray(optimum.values[TORQUE, 0])
         last = optimum.bounds.last_torque
         change = np.minimum(
             np.maximum(optimum.tau[0] - last, -self._most_change), self._most_change
@@ -279,15 +295,20 @@ class MpcController:
         self, answer: Answer, reference: Reference, status: ControlStatus, start: float
     ) -> ControlStep:
         wished = zip(answer.tau.tolist(), self._tau_max, strict=True)
-        tau = np.array([0.0 if isnan(t) else min(max(t, -most), most) for t, most in wished])
+        tau = np.array([t if -most <= t <= most else _limited(t, most) for t, most in wished])
         if answer.tau is answer.rigid:
             self.observer.command(answer.plan.u[0], tau)
         else:
             self.observer.command(answer.plan.u[0], tau - (answer.tau - answer.rigid))
         self._tau = tau
-        motion = reference.q, answer.plan.q, answer.plan.v
         spent = time.perf_counter() - start
-        return PlannedStep.adopt(tau, np.array(answer.u), motion, status, answer.source, spent)
+        return PlannedStep.adopt(
+            tau, answer.u, reference.q, answer.plan, status, answer.source, spent
+        )
+
+
+def _limited(torque: float, most: float) -> float:
+    return 0.0 if isnan(torque) else min(max(torque, -most), most)
 
 
 def _is_finite(values: Array) -> bool:

@@ -93,8 +93,11 @@ class Observer:
             gap = [q1 - q - half * (v + v1) for q, v, q1, v1 in moves]
             self.jumped = max(map(abs, gap)) > _JUMP
             if self.jumped:
-                most = _JUMP + _JUMP_NOISE * self.filter.noise + half * np.abs(state.v - last.v)
-                self.jumped = bool((np.abs(gap) > most).any())
+                joints = zip(gap, self.filter.noise, before[1], now[1], strict=True)
+                self.jumped = any(
+                    abs(far) > _JUMP + _JUMP_NOISE * noise + half * abs(v1 - v)
+                    for far, noise, v, v1 in joints
+                )
         if self.jumped or self._known < len(self._commands):
             self.filter.restart(state)  # what acted before the first command is not known
             return False
@@ -106,8 +109,15 @@ class Observer:
         lasting = self.filter.update(u, gap, state)
         if self._gain == 0:
             return False
-        middle = 0.5 * (q + self.filter.q), 0.5 * (v + self.filter.v)
-        return self._learn(*middle, u + lasting / self._gain, torque)
+        positions = zip(q.tolist(), self.filter.q.tolist(), strict=True)
+        velocities = zip(v.tolist(), self.filter.v.tolist(), strict=True)
+        accelerations = zip(u.tolist(), lasting, strict=True)
+        return self._learn(
+            np.array([0.5 * (start + end) for start, end in positions]),
+            np.array([0.5 * (start + end) for start, end in velocities]),
+            np.array([meant + more / self._gain for meant, more in accelerations]),
+            torque,
+        )
 
     def lose(self) -> None:
         """Note that this step's measurement cannot be believed."""
@@ -171,12 +181,15 @@ class Observer:
         too slowly where nothing moves, is given up while the joint should leave and stays.
         """
         near = _STOP + self.filter.most_noise
-        joints = zip(q.tolist(), self._range, strict=True)
-        if all(low + near < at < high - near for at, (low, high) in joints):
-            return False
+        positions = q.tolist()
+        for at, (low, high) in zip(positions, self._range, strict=True):
+            if not low + near < at < high - near:
+                break
+        else:
+            return False  # the usual case, said shortly
         leans = False
         disturbance = self.disturbance.tolist()
-        for joint, (at, (low, high)) in enumerate(zip(q.tolist(), self._range, strict=True)):
+        for joint, (at, (low, high)) in enumerate(zip(positions, self._range, strict=True)):
             end = (at >= high - near) - (at <= low + near)
             missing = -end * surprise[joint]  # torque on the way away from the stop
             pressing = -end * disturbance[joint]  # what cancelling the disturbance presses with

@@ -13,7 +13,8 @@ from arm3dof.control.qp import UNBOUNDED, QpStatus, QuadraticProgram
 from arm3dof.control.working_set import WorkingSet
 from arm3dof.state import Array
 
-_IDLE = 1e-9  # a multiplier below this share of the largest did not matter
+IDLE = 1e-9
+"""A multiplier below this share of the largest did not matter."""
 
 
 class Optimum(NamedTuple):
@@ -63,7 +64,7 @@ class Optimum(NamedTuple):
     @property
     def pushing(self) -> NDArray[np.bool_]:
         """Which limits of the working set have a multiplier that matters."""
-        return np.asarray(self.multipliers > _IDLE * self.multipliers.max(initial=0.0))
+        return np.asarray(self.multipliers > IDLE * self.multipliers.max(initial=0.0))
 
     def kkt_residual(self) -> float:
         """Return the largest violation of the optimality conditions, tangents being believed.
@@ -71,7 +72,8 @@ class Optimum(NamedTuple):
         Stationarity, feasibility of the hard limits, and complementarity: z is zero off the limit
         and, for a soft limit, its full price beyond the limit.
         """
-        (limits, C, b, price), z = self.working, self.multipliers
+        limits, C, b, price = self.working[:4]
+        z = self.multipliers
         gradient = self.program.hessian @ (self.w - self.program.w_free) + C.T @ z
         slack = b - C @ self.w
         unpaid = np.where(price < UNBOUNDED, 1 - z / price, 1.0)
@@ -92,11 +94,9 @@ class Optimum(NamedTuple):
         every = np.arange(count)
         all_upper = WorkingSet.of(program, bounds, every, self.w)
         C, at_zero = all_upper.C, bounds.high.ravel() - all_upper.b
-        limits, own, b, _ = self.working
-        sign = np.where(limits < count, 1.0, -1.0)
-        which = limits % count
+        own, which, sign = self.working.C, self.working.which, self.working.sign
         C[which] = sign[:, np.newaxis] * own
-        at_zero[which] = sign * (bounds.sides[limits] - b)
+        at_zero[which] = sign * (self.working.sides - self.working.b)
         reached = C.any(axis=1)
         low, high = bounds.low.ravel() - at_zero, bounds.high.ravel() - at_zero
         gradient = -program.hessian @ program.w_free

@@ -17,6 +17,7 @@ continuation, Allgower and Georg 1990).
 
 from __future__ import annotations
 
+import math
 import time
 from functools import lru_cache
 from typing import NamedTuple
@@ -26,7 +27,7 @@ from numpy.typing import NDArray
 
 from arm3dof.control.bounds import POSITION, TORQUE, VELOCITY, Bounds
 from arm3dof.control.box import solve_box
-from arm3dof.control.optimum import Optimum
+from arm3dof.control.optimum import IDLE, Optimum
 from arm3dof.control.program import Program
 from arm3dof.control.qp import UNBOUNDED, QpSettings, QpStatus
 from arm3dof.control.working_set import WorkingSet, limited
@@ -48,23 +49,24 @@ _LEAST_TORQUE = 1e-9  # [N m]: a limit of zero, for the purpose of relative erro
 
 
 class Likely(NamedTuple):
-    """Limits that are tried first.
+    """Limits that are tried first; lists, for there are few.
 
     Attributes:
-        limits: their places in ``Bounds.sides``, shape (k,).
-        pushing: which of them are expected to push with less than their price, shape (k,).
+        limits: their places in ``Bounds.sides``.
+        pushing: how many of them, from the first on, are expected to push with less than their
+            price.
     """
 
-    limits: NDArray[np.intp]
-    pushing: NDArray[np.bool_]
+    limits: list[int]
+    pushing: int
 
     @staticmethod
-    def all_of(limits: NDArray[np.intp]) -> Likely:
+    def all_of(limits: list[int]) -> Likely:
         """Return limits that are all expected to push."""
-        return Likely(limits, np.ones(limits.size, dtype=np.bool_))
+        return Likely(limits, len(limits))
 
 
-_NONE = Likely.all_of(np.zeros(0, dtype=np.intp))
+_NONE = Likely([], 0)
 
 
 class ProgramSolver:
@@ -95,32 +97,28 @@ class ProgramSolver:
         stayed where it was.
         """
         limits = self._likely.limits
-        if limits.size:
-            stage = limits // nv % horizon
-            is_last = stage == horizon - 1
-            moved = np.concatenate((limits[stage > 0] - nv, limits[is_last]))
-            known = set(moved.tolist())
-            stayed = [limit for limit in limits.tolist() if limit not in known]
-            if moved.size and stayed:
-                pushing = np.arange(moved.size + len(stayed)) < moved.size
-                self._likely = Likely(np.concatenate((moved, stayed)), pushing)
-            else:
-                self._likely = Likely.all_of(moved)
+        if limits:
+            moved = [limit - nv for limit in limits if limit // nv % horizon > 0]
+            moved += [limit for limit in limits if limit // nv % horizon == horizon - 1]
+            known = set(moved)
+            stayed = [limit for limit in limits if limit not in known] if moved else []
+            self._likely = Likely(moved + stayed, len(moved))
 
     def solve(self, program: Program, bounds: Bounds) -> Optimum:
         """Return the optimum of a program."""
-        if not self._likely.limits.size or program.start is None:
+        likely = self._likely
+        if not likely.limits or program.start is None:
             values = limited(program, bounds, program.w_free)
-            kept = (values <= bounds.most) & (values >= bounds.least)
-            if np.count_nonzero(kept) == kept.size:  # NaN is not kept; faster than all()
+            if bounds.keep(values):
                 return _without_limits(program, bounds, values, QpStatus.SOLVED)
-            if not np.isfinite(values).all():
+            if not _is_finite(values):
                 return _without_limits(program, bounds, values, QpStatus.NOT_FINITE)
+            likely = _broken_soft_limits(program, bounds, values)
         if program.start is None:
             optimum = self._continue(program, bounds)
         else:
             errors = _TORQUE_ERROR, _MOST_TANGENTS
-            optimum = self._retouch(program, bounds, program.start, self._likely, *errors)
+            optimum = self._retouch(program, bounds, program.start, likely, *errors)
         solved = optimum.status is QpStatus.SOLVED
         self._likely = _pushing(optimum) if solved else _NONE
         return optimum
@@ -165,32 +163,38 @@ class ProgramSolver:
     def _touch(self, program: Program, bounds: Bounds, w: Array, likely: Likely) -> Optimum:
         """Solve the program with tangents at w; add the limits that are broken until none is."""
         tolerance = _tolerance(program, bounds)
-        if not likely.limits.size:
+        if likely.limits:
+            limits = np.array(likely.limits)
+            inside = [rank < likely.pushing for rank in range(limits.size)]
+        else:
             excess = bounds.excess(limited(program, bounds, w))
-            likely = Likely.all_of((excess > tolerance).ravel().nonzero()[0])
-        limits, inside = likely
+            limits = (excess > tolerance).ravel().nonzero()[0]
+            inside = [True] * limits.size
         working = WorkingSet.of(program, bounds, limits, w)
-        most = self._work + _MOST_WORK_AT_ONCE if program.start is None else _MOST_WORK
+        is_cold = program.start is None
+        most = self._work + _MOST_WORK_AT_ONCE if is_cold else _MOST_WORK
         for attempt in range(_MOST_ROUNDS):
             if not self._affords(working.b.size / w.size, most):
                 values = limited(program, bounds, program.w_free)
                 return _without_limits(program, bounds, values, QpStatus.ITERATION_LIMIT)
             w, z, status = self._solve_dual(program, working, inside)
             values = limited(program, bounds, w)
-            excess = bounds.excess(values)
-            error = _replace_by_tangents(values, excess, bounds, working, w)
-            if status is QpStatus.SOLVED and not np.isfinite(values).all():
+            error = _replace_by_tangents(values, working, w)
+            if status is QpStatus.SOLVED and not _is_finite(values):
                 status = QpStatus.NOT_FINITE
-            impatient = program.start is not None and attempt >= _PATIENCE - 1
+            softened = False
+            if status is not QpStatus.SOLVED or bounds.keep(values):
+                break
+            excess = bounds.excess(values)
+            softened = _exceeds_soft_limit(excess, bounds)
+            impatient = attempt >= _PATIENCE - 1 and not is_cold
             new = _broken(excess, tolerance, working, all_stages=impatient)
-            if status is not QpStatus.SOLVED or not new.size:
+            if not new.size:
                 break
             working = working.joined(WorkingSet.of(program, bounds, new, w))
-            inside = np.concatenate((z > 0.0, np.ones(new.size, dtype=np.bool_)))
+            inside = [push > 0.0 for push in z.tolist()] + [True] * new.size
         else:
             status = QpStatus.ITERATION_LIMIT
-        soft = slice(POSITION, VELOCITY + 1)
-        softened = bool((excess[:, soft] > bounds.tolerance[soft]).any())
         return Optimum(w, values, status, softened, working, z, error, program, bounds)
 
     def _affords(self, rows: float, most: float = _MOST_WORK) -> bool:
@@ -207,7 +211,7 @@ class ProgramSolver:
         return True
 
     def _solve_dual(
-        self, program: Program, working: WorkingSet, inside: NDArray[np.bool_]
+        self, program: Program, working: WorkingSet, inside: list[bool]
     ) -> tuple[Array, Array, QpStatus]:
         """Return w, the multipliers of the working set, and how the solve ended.
 
@@ -216,28 +220,43 @@ class ProgramSolver:
             working: its limits.
             inside: which of them are expected to push with less than their price.
         """
-        _, C, b, price = working
+        C, b, price = working.C, working.b, working.price
         if not b.size:
             return program.w_free, np.zeros(0), QpStatus.SOLVED
-        through = C @ program.hessian_inverse
+        through = C.dot(program.hessian_inverse)  # faster than @ for so few rows
         if program.refine:
             through += (C - through @ program.hessian) @ program.hessian_inverse
-        gram = through @ C.T
+        gram = through.dot(C.T)
         diagonal = gram.diagonal()
-        if not diagonal.min() > 0:  # an overflow, or a row lost to rounding
+        if not min(diagonal.tolist()) > 0:  # an overflow, or a row lost to rounding
             return program.w_free, np.zeros(b.size), QpStatus.NOT_FINITE
         scale = 1.0 / np.sqrt(diagonal)
         gram *= scale
         gram *= scale[:, np.newaxis]
         most = np.minimum(price / scale, UNBOUNDED)
-        gradient = (b - C @ program.w_free) * scale
+        gradient = (b - C.dot(program.w_free)) * scale
         solution = solve_box(gram, gradient, most, inside, self._settings)
         z = np.minimum(np.maximum(solution.x * scale, 0.0), price)
-        return program.w_free - z @ through, z, solution.status
+        return program.w_free - z.dot(through), z, solution.status
 
 
 def _pushing(optimum: Optimum) -> Likely:
-    return Likely.all_of(optimum.working.limits[optimum.pushing])
+    z = optimum.multipliers.tolist()
+    idle = IDLE * max(z, default=0.0)
+    limits = optimum.working.limits.tolist()
+    return Likely.all_of([limit for limit, push in zip(limits, z, strict=True) if push > idle])
+
+
+def _broken_soft_limits(program: Program, bounds: Bounds, values: Array) -> Likely:
+    """Return the limits that the minimiser without limits breaks, if they are all linear in w.
+
+    Where torques meet their limits as well, the last plan tells better which will matter.
+    """
+    broken = bounds.excess(values) > _tolerance(program, bounds)
+    soft = broken[:, POSITION : VELOCITY + 1]
+    if np.count_nonzero(soft) < np.count_nonzero(broken):
+        return _NONE
+    return Likely.all_of(broken.ravel().nonzero()[0].tolist())
 
 
 def _tolerance(program: Program, bounds: Bounds) -> Array:
@@ -270,26 +289,37 @@ def _broken(
     return flat.nonzero()[0]
 
 
-def _replace_by_tangents(
-    values: Array, excess: Array, bounds: Bounds, working: WorkingSet, w: Array
-) -> float:
-    """Overwrite values and excesses of a working set by its tangents.
+def _is_finite(values: Array) -> bool:
+    """Whether all values are finite, and not absurdly large; faster than ``isfinite`` and all()."""
+    flat = values.ravel()
+    return math.isfinite(flat.dot(flat))
+
+
+def _exceeds_soft_limit(excess: Array, bounds: Bounds) -> bool:
+    soft = slice(POSITION, VELOCITY + 1)
+    return bool((excess[:, soft] > bounds.tolerance[soft]).any())
+
+
+def _replace_by_tangents(values: Array, working: WorkingSet, w: Array) -> float:
+    """Overwrite values by the tangents of a working set.
 
     Returns:
         The largest error of a torque's tangent, as a share of the torque's limit.
     """
-    limits, C, b, _ = working
-    if not limits.size:
-        return 0.0
-    count, sides, flat = values.size, bounds.sides[limits], excess.ravel()
-    by_tangents, which = C @ w - b, limits % count
-    exact, is_torque = flat[limits], which < values[TORQUE].size
-    flat[limits] = by_tangents
-    values.ravel()[which] = np.where(limits < count, 1.0, -1.0) * (by_tangents + sides)
-    if not is_torque.any():
-        return 0.0
-    apart = np.abs(exact - by_tangents) / np.maximum(np.abs(sides), _LEAST_TORQUE)
-    return float(apart[is_torque].max())
+    _, C, b, _, which, sign, sides = working
+    places, torques = which.tolist(), values[TORQUE].size
+    if all(torques <= place < (VELOCITY + 1) * torques for place in places):
+        return 0.0  # positions and velocities are their own tangents
+    flat, by_tangents = values.ravel(), sign * (C.dot(w) - b + sides)
+    exact = flat[which]
+    flat[which] = by_tangents
+    rows = zip(places, exact.tolist(), by_tangents.tolist(), sides.tolist(), strict=True)
+    apart = [
+        abs(true - near) / max(abs(side), _LEAST_TORQUE)
+        for place, true, near, side in rows
+        if place < torques
+    ]
+    return max(apart, default=0.0)
 
 
 def _without_limits(program: Program, bounds: Bounds, values: Array, status: QpStatus) -> Optimum:
@@ -302,4 +332,5 @@ def _without_limits(program: Program, bounds: Bounds, values: Array, status: QpS
 @lru_cache(maxsize=16)
 def _no_limits(decisions: int) -> WorkingSet:
     none = np.zeros(0)
-    return WorkingSet(_NONE.limits, np.zeros((0, decisions)), none, none)
+    limits = np.zeros(0, dtype=np.intp)
+    return WorkingSet(limits, np.zeros((0, decisions)), none, none, limits, none, none)

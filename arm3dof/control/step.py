@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from arm3dof.control.plan import Plan
 from arm3dof.control.reference import Target
 from arm3dof.state import Array, JointState
 
@@ -93,7 +94,8 @@ class PlannedStep(ControlStep):
         cls,
         tau: Array,
         u: Array,
-        motion: tuple[Array, Array, Array],
+        target: Array,
+        plan: Plan,
         status: ControlStatus,
         source: TorqueSource,
         solve_time: float,
@@ -103,8 +105,8 @@ class PlannedStep(ControlStep):
         Args:
             tau: see ``ControlStep``.
             u: see ``ControlStep``.
-            motion: target, shape (1, nv) or (N + 1, nv), and positions and velocities at stages
-                0..N, shape (N + 1, nv); nobody changes them.
+            target: shape (1, nv) or (N + 1, nv) [rad]; nobody changes it.
+            plan: what the arm is expected to do; nobody changes it.
             status: see ``ControlStep``.
             source: see ``ControlStep``.
             solve_time: see ``ControlStep``.
@@ -113,15 +115,21 @@ class PlannedStep(ControlStep):
         tau.setflags(write=False)
         u.setflags(write=False)
         step.__dict__.update(
-            tau=tau, u=u, _motion=motion, status=status, source=source, solve_time=solve_time
+            tau=tau,
+            u=u,
+            _motion=(target, plan),
+            status=status,
+            source=source,
+            solve_time=solve_time,
         )
         return step
 
     @cached_property
     def plan(self) -> Array:
         """Predicted states [e; v]; see ``ControlStep``."""
-        target, q, v = self.__dict__["_motion"]
-        plan = np.hstack([target[: len(q)] - q, v])
+        target, motion = self.__dict__["_motion"]
+        q = motion.q
+        plan = np.hstack([target[: len(q)] - q, motion.v])
         plan.setflags(write=False)
         return plan
 

@@ -88,7 +88,7 @@ class TrackingFormulation:
         """Return the program of one step; see ``Formulation.build``."""
         q, v = state.q, state.v
         if len(reference.q) == 1:
-            free = self._free.dot(np.concatenate((reference.q[0] - q, v, q)))
+            free = self._free.dot(np.concatenate((reference.q[0], v, q, disturbance)))
             w_free, stack = free[: len(self.hessian)], free[len(self.hessian) :]
             return TrackingProgram(self, q, v, disturbance, w_free, plan, stack)
         w_free = self._state_gain @ np.concatenate((-q, v))
@@ -96,17 +96,18 @@ class TrackingFormulation:
         return TrackingProgram(self, q, v, disturbance, w_free, plan)
 
     def _free_response(self, nv: int) -> Array:
-        """Return how w_free for a constant target, and its stacked motion, follow from [e; v; q].
+        """Return how w_free, and what follows from it, depend on [q_target; v; q; disturbance].
 
-        The shape is (n + 6 N nv, 3 nv); one product with it is all that most steps need.
+        It gives w_free, the torques but for the rigid bodies' and the motion, stacked: the shape is
+        (n + 6 N nv, 4 nv). One product with it is all that most steps need.
         """
         columns = []
-        for e, v, q in np.eye(3 * nv).reshape(-1, 3, nv):
-            w_free = self._state_gain @ np.concatenate((e, v))
-            stack = self.motion.stacked(q, v, w_free)
-            stack[0] = 0.0
+        for target, v, q, disturbance in np.eye(4 * nv).reshape(-1, 4, nv):
+            w_free = self._state_gain @ np.concatenate((target - q, v))
+            stack = self.motion.stacked(q, v, w_free, -disturbance)
+            stack[0] += self.torque.damping * stack[4]
             columns.append(np.concatenate((w_free, stack.ravel())))
-        return np.stack(columns, axis=1)
+        return np.asfortranarray(np.stack(columns, axis=1))
 
 
 class TrackingProgram:
@@ -133,7 +134,8 @@ class TrackingProgram:
             disturbance: torque that acts beside ours, shape (nv,) [N m].
             w_free: minimiser of the cost without limits, shape (n,).
             plan: accelerations of the last plan, shifted to now, shape (N, nv) [rad/s^2].
-            free: ``MotionMap.stacked`` of w_free, flattened, if it is known already.
+            free: torques but for the rigid bodies' and motion at w_free, as
+                ``MotionMap.stacked`` but flattened, if they are known already.
         """
         self.hessian, self.hessian_inverse = formulation.hessian, formulation.hessian_inverse
         self.fixed = formulation.fixed
@@ -147,33 +149,36 @@ class TrackingProgram:
 
     def values(self, w: Array) -> Array:
         """See ``Program.values``; the torques are exact."""
-        if w is self.w_free and self._free is not None:
-            stack = self._free.reshape(6, -1, self._q.size).copy()
+        shared, free = self._formulation, self._free if w is self.w_free else None
+        if free is None:
+            stack = shared.motion.stacked(self._q, self._v, w, -self._disturbance)
+            values = stack[:3]
         else:
-            stack = self._formulation.motion.stacked(self._q, self._v, w)
-        torque = stack[0]
-        self._formulation.torque.evaluate(stack[3], stack[4], stack[5], torque)
-        torque -= self._disturbance
-        return stack[:3]
+            stack = free.reshape(6, -1, self._q.size)
+            values = stack[:3].copy()
+        shared.torque.add(stack[3], stack[4], stack[5], values[0], damping=free is None)
+        return values
 
     def tangents(self, which: NDArray[np.intp], w: Array) -> tuple[Array, Array]:
         """See ``Program.tangents``."""
-        shared = self._formulation
-        motion = shared.motion(self._q, self._v, w)
-        torques = motion.u.size
-        slopes = shared.slopes[which - torques]
-        values = np.concatenate((motion.q.ravel(), motion.v.ravel()))[which - torques]
+        shared, nv = self._formulation, self._q.size
+        torques = len(shared.slopes) // 2
+        # of a torque, whose place is below zero then, another row is taken and overwritten
+        linear = which - torques
+        slopes = shared.slopes.take(linear, axis=0)
+        offsets = shared.motion.coasting(self._q, self._v).take(linear)
         at = (which < torques).nonzero()[0]
         if at.size:
-            stage, joint = np.divmod(which[at], self._q.size)
-            asked = np.zeros(len(motion.u), dtype=np.bool_)
+            stack = shared.motion.stacked(self._q, self._v, w, self._disturbance)
+            stage, joint = np.divmod(which[at], nv)
+            asked = np.zeros(stack.shape[1], dtype=np.bool_)
             asked[stage] = True
             place = (asked.cumsum() - 1)[stage]
-            torque, by_motion = shared.torque.linearise(motion, asked.nonzero()[0])
+            torque, by_motion = shared.torque.linearise(*stack[3:].take(asked.nonzero()[0], axis=1))
             by_decision = shared.to_middle[stage] @ by_motion[place, joint]
             slopes[at] = by_decision.reshape(at.size, -1)
-            values[at] = (torque - self._disturbance)[place, joint]
-        return slopes, values - slopes @ w
+            offsets[at] = (torque - self._disturbance)[place, joint] - slopes[at].dot(w)
+        return slopes, offsets
 
     def accelerations(self, w: Array) -> Array | None:
         """See ``Program.accelerations``."""

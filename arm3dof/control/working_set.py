@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -20,24 +21,28 @@ class WorkingSet(NamedTuple):
         C: shape (k, n).
         b: shape (k,).
         price: most that a unit of violation may cost, shape (k,).
+        which: what is limited, by its place among the flattened values, shape (k,).
+        sign: 1 for an upper limit, -1 for a lower one, shape (k,).
+        sides: the limits themselves, lower ones with their signs turned, shape (k,).
     """
 
     limits: NDArray[np.intp]
     C: Array
     b: Array
     price: Array
+    which: NDArray[np.intp]
+    sign: Array
+    sides: Array
 
     @staticmethod
     def of(program: Program, bounds: Bounds, limits: NDArray[np.intp], w: Array) -> WorkingSet:
         """Return some limits with tangents that touch at w."""
         count = bounds.high.size
-        is_upper = limits < count
-        which = np.where(is_upper, limits, limits - count)
+        which = limits % count
         slopes, offsets = _tangents(program, bounds, which, w)
-        sign = np.where(is_upper, 1.0, -1.0)
+        sign, sides, price = _signs(count)[limits], bounds.sides[limits], bounds.prices[limits]
         C = sign[:, np.newaxis] * slopes
-        price = bounds.price[which // bounds.high[TORQUE].size]
-        return WorkingSet(limits, C, bounds.sides[limits] - sign * offsets, price)
+        return WorkingSet(limits, C, sides - sign * offsets, price, which, sign, sides)
 
     def joined(self, other: WorkingSet) -> WorkingSet:
         """Return the limits of both."""
@@ -52,6 +57,12 @@ def limited(program: Program, bounds: Bounds, w: Array) -> Array:
         change = np.diff(torque, axis=0, prepend=bounds.last_torque[np.newaxis])
         values = np.concatenate([values, change[np.newaxis]])
     return values
+
+
+@lru_cache(maxsize=16)
+def _signs(count: int) -> Array:
+    """Return 1 for all upper limits, and then -1 for all lower ones, shape (2 count,)."""
+    return np.repeat([1.0, -1.0], count)
 
 
 def _tangents(
