@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import mul
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +18,7 @@ from arm3dof.state import Array, JointState, finite_vector
 _FASTEST_EXPLICIT_DECAY = 0.5  # damping that decays more than this share of a step is stiff
 _FRICTION_SWEEPS = 100
 _FRICTION_TOLERANCE = 1e-10  # [rad/s]
+_FRICTION_LEAP = 3  # after so many sweeps it is guessed which joints slide, and solved for them
 
 
 class PinocchioPlant:
@@ -216,30 +218,37 @@ class PinocchioPlant:
         return bool(((q < limits.q_min) | (q > limits.q_max)).any())
 
     def _rub(self, free: Array) -> Array:
-        """Return the velocity after friction, stiff damping and stops, by coordinate descent."""
+        """Return the velocity after friction, stiff damping and stops, by coordinate descent.
+
+        Now and then all joints that slide are moved at once to where they balance.
+        """
         h, nothing = self._dt, np.full(free.size, np.inf)
         mass = np.array(pin.crba(self._model, self._data, self._q))
         dry = (h * self._friction).tolist()
-        inertia = (mass.diagonal() + h * self._implicit_damping).tolist()
-        momentum = mass @ free
-        np.fill_diagonal(mass, 0.0)  # what is left couples a joint to the others
+        momentum = (mass @ free).tolist()
+        mass[np.diag_indices_from(mass)] += h * self._implicit_damping
+        inertia, coupling = mass.diagonal().tolist(), mass.tolist()
+        for i, row in enumerate(coupling):
+            row[i] = 0.0
         limits, least, most = self.robot.limits, -nothing, nothing
         if self._end_stops:
             least = np.minimum((limits.q_min - self._q) / h, 0.0)
             most = np.maximum((limits.q_max - self._q) / h, 0.0)
         slowest, fastest = least.tolist(), most.tolist()
-        v = free.copy()
-        for _ in range(_FRICTION_SWEEPS):
+        v = free.tolist()  # of a few joints Python's numbers are ten times as fast as arrays
+        for sweep in range(1, _FRICTION_SWEEPS + 1):
             change = 0.0
             for i, limit in enumerate(dry):
-                pull = float(momentum[i] - mass[i] @ v)
+                pull = momentum[i] - sum(map(mul, coupling[i], v))
                 new = math.copysign(max(abs(pull) - limit, 0.0), pull) / inertia[i]
                 new = min(max(new, slowest[i]), fastest[i])
-                change = max(change, abs(new - float(v[i])))
+                change = max(change, abs(new - v[i]))
                 v[i] = new
             if change < _FRICTION_TOLERANCE:
                 break
-        return v
+            if sweep % _FRICTION_LEAP == 0:
+                v = _leap(mass, momentum, dry, v, slowest, fastest)
+        return np.array(v)
 
     def _has_stiff_damping(self) -> bool:
         """Whether damping decays too fast for RK4, in the fastest of some sampled poses."""
@@ -252,3 +261,34 @@ class PinocchioPlant:
             for q in poses
         ]
         return float(np.abs(rates).max()) * self._dt > _FASTEST_EXPLICIT_DECAY
+
+
+def _leap(
+    mass: Array,
+    momentum: list[float],
+    dry: list[float],
+    v: list[float],
+    slowest: list[float],
+    fastest: list[float],
+) -> list[float]:
+    """Return the velocities at which sliding joints balance, where they go on sliding that way.
+
+    Args:
+        mass: what resists each joint's motion, shape (n, n) [kg m^2].
+        momentum: of each joint before friction [N m s].
+        dry: the most that dry friction takes of it [N m s].
+        v: velocities so far [rad/s].
+        slowest: the least that each may be [rad/s].
+        fastest: the greatest that each may be [rad/s].
+    """
+    slides = [i for i, w in enumerate(v) if w != 0.0 and slowest[i] < w < fastest[i]]
+    pull = np.array([momentum[i] - math.copysign(dry[i], v[i]) for i in slides])
+    others = np.array(v)
+    others[slides] = 0.0
+    balance = np.linalg.solve(mass[np.ix_(slides, slides)], pull - mass[slides] @ others).tolist()
+    leapt = list(v)
+    for i, w in zip(slides, balance, strict=True):
+        if w * v[i] <= 0.0 or not slowest[i] <= w <= fastest[i]:
+            return v
+        leapt[i] = w
+    return leapt
