@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,12 +47,23 @@ def inverse_kinematics(robot: Robot, p: ArrayLike, *, near: ArrayLike | None = N
     """
     target = finite_vector(p, 3, "p")
     reference = None if near is None else finite_vector(near, robot.nv, "near")
-    geometry = fit_dh(robot)
+    geometry = _geometry(robot)
     if isinstance(geometry, Problem):
         from arm3dof.model.numeric_ik import search_reach  # scipy loads only where it is needed
 
         return search_reach(robot, target, reference)
     return closed_form_reach(geometry, robot.limits, robot.joint_names, target, reference)
+
+
+_FITS: WeakKeyDictionary[Robot, DhGeometry | Problem] = WeakKeyDictionary()
+
+
+def _geometry(robot: Robot) -> DhGeometry | Problem:
+    """Return the paper's chain in a robot, fitted once: its kinematics never change."""
+    found = _FITS.get(robot)
+    if found is None:
+        found = _FITS[robot] = fit_dh(robot)
+    return found
 
 
 def closed_form_reach(

@@ -7,6 +7,7 @@ points as well.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -98,10 +99,13 @@ class Clearance:
             if held is not None:
                 parts.append(moved(self._robot.placement(q), held))
             world = np.concatenate(parts)
-            lowest = float(world[:, 2].min()) - self.table_height
+            low, high = world.min(axis=0).tolist(), world.max(axis=0).tolist()
+            lowest = low[2] - self.table_height
             if lowest < best.distance:
                 best = Gap(lowest, TABLE, index)
             for obstacle in obstacles:
+                if _at_least(low, high, obstacle) >= best.distance:
+                    continue
                 distance = _distance(world, obstacle)
                 if distance < best.distance:
                     best = Gap(distance, obstacle.name, index)
@@ -151,6 +155,20 @@ def held_points(width: float, height: float, below: float, tilt: pin.SE3) -> Arr
     levels = np.linspace(-below, height - below, 5)
     upright = np.concatenate([np.column_stack([rim, np.full(len(rim), z)]) for z in levels])
     return np.asarray(upright @ tilt.rotation)
+
+
+def _at_least(low: Sequence[float], high: Sequence[float], obstacle: Obstacle) -> float:
+    """Return a distance from an obstacle below which no point of a box is [m].
+
+    Args:
+        low: least coordinates of the box, shape (3,) [m].
+        high: greatest coordinates, shape (3,) [m].
+        obstacle: the obstacle.
+    """
+    x = max(low[0] - obstacle.x, obstacle.x - high[0], 0.0)
+    y = max(low[1] - obstacle.y, obstacle.y - high[1], 0.0)
+    aside, above = math.hypot(x, y) - obstacle.radius, low[2] - obstacle.top
+    return math.hypot(aside, above) if min(aside, above) > 0 else max(aside, above)
 
 
 def _distance(points: Array, obstacle: Obstacle) -> float:
