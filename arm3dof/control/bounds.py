@@ -90,12 +90,16 @@ class Bounds(NamedTuple):
         Args:
             v: velocities at stage 0, shape (nv,) [rad/s].
         """
-        beyond = v - np.minimum(np.maximum(v, self.low[VELOCITY, 0]), self.high[VELOCITY, 0])
-        left = _excess_left(len(self.high[VELOCITY])).dot(beyond[np.newaxis]).ravel()
-        sides, count, first = self.sides.copy(), self.high.size, VELOCITY * left.size
-        sides[first : first + left.size] += np.maximum(left, 0.0)
-        sides[count + first : count + first + left.size] -= np.minimum(left, 0.0)
-        high, low = sides[:count].reshape(self.high.shape), -sides[count:].reshape(self.low.shape)
+        shape, sides = self.high.shape, self.sides.copy()
+        speeds = sides.reshape(2, *shape)[:, VELOCITY]  # a view of the upper and the lower limits
+        left = _excess_left(shape[1])
+        joints = zip(v.tolist(), speeds[0, 0].tolist(), speeds[1, 0].tolist(), strict=True)
+        for joint, (speed, forth, back) in enumerate(joints):
+            if speed > forth:
+                speeds[0, :, joint] += (speed - forth) * left
+            elif -speed > back:
+                speeds[1, :, joint] += (-speed - back) * left
+        high, low = sides[: self.high.size].reshape(shape), -sides[self.high.size :].reshape(shape)
         least, most = low - self.tolerance, high + self.tolerance
         return Bounds(low, high, self.tolerance, least, most, sides, self.prices, self.last_torque)
 
@@ -130,5 +134,5 @@ class Bounds(NamedTuple):
 
 @lru_cache(maxsize=16)
 def _excess_left(horizon: int) -> Array:
-    """Return the share of an excess of speed that is left at stages 1..N, shape (N, 1)."""
-    return np.asarray(_EXCESS_LEFT ** np.arange(1.0, horizon + 1)[:, np.newaxis])
+    """Return the share of an excess of speed that is left at stages 1..N, shape (N,)."""
+    return np.asarray(_EXCESS_LEFT ** np.arange(1.0, horizon + 1))

@@ -36,8 +36,9 @@ class HorizonTorque:
         # damping counts from the middle of the sample: D (v + (share - 1/2) dt u), and what it
         # takes in proportion to u is as if the joint had a rotor
         rotor = robot.damping * (damping_share(robot, dt) - 0.5) * dt
-        self._believed, self._pool = robot.model, pin.ModelPool(robot.model, 1)
+        self._pool = pin.ModelPool(robot.model, 1)
         self._model = self._pool.getModel(0)  # a copy, which the pool evaluates as it is
+        self._own, self._believed = self._model.inertias, robot.model.inertias
         self._model.armature = robot.model.armature + rotor
         self._data = self._model.createData()
         self.damping = np.tile(robot.damping, (horizon, 1))  # as large as v: faster to multiply
@@ -46,7 +47,7 @@ class HorizonTorque:
 
     def refresh(self) -> None:
         """Take over the robot's masses as they are now."""
-        own, believed = self._model.inertias, self._believed.inertias
+        own, believed = self._own, self._believed
         for joint in range(1, len(own)):  # joint 0 is the world
             own[joint] = believed[joint]
 
