@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from arm_family import pose, random_arm, random_rotation
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.optimize import least_squares, minimize
+from scipy.optimize import leastsq, minimize
 
 from arm3dof.errors import InputError
 from arm3dof.model.dh import DhGeometry, fit_dh
@@ -107,11 +107,9 @@ def search(geometry, p, rng, starts):
     """Return the roots of FK(q) = p that a numerical search finds."""
     roots = []
     for start in rng.uniform(-np.pi, np.pi, (starts, 3)):
-        result = least_squares(
-            lambda q: geometry.tool_position(q) - p, start, method="lm", xtol=1e-14, ftol=1e-14
-        )
-        if np.linalg.norm(result.fun) < 1e-12:
-            roots.append(result.x)
+        root, *_ = leastsq(lambda q: geometry.tool_position(q) - p, start, xtol=1e-14, ftol=1e-14)
+        if np.linalg.norm(geometry.tool_position(root) - p) < 1e-12:
+            roots.append(root)
     return np.array(roots)
 
 

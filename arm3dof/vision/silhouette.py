@@ -196,8 +196,8 @@ def _part_off(part: Part, points: Array) -> tuple[Array, Array, Array]:
     depth = np.maximum(body[:, 2], 1e-6)
     image = body[:, :2] / depth[:, None]
     first = cv2.convexHull(image.astype(np.float32), clockwise=False, returnPoints=False).ravel()
-    last = np.append(first[1:], first[0])
-    begins, ends = image[first], image[last]
+    begins = image[first]
+    ends = _next(begins)
     sides = ends - begins
     length = np.maximum(np.hypot(sides[:, 0], sides[:, 1]), 1e-12)
     sides = sides / length[:, None]
@@ -208,12 +208,18 @@ def _part_off(part: Part, points: Array) -> tuple[Array, Array, Array]:
     nearest = outside.argmax(axis=1)
     off = outside[np.arange(len(points)), nearest]
     # how both ends of each side move outwards, and how far along its side each point is
-    rate = np.einsum("ij,ijk->ik", normals, _image_slopes(image, depth, tangents, first))
-    other = np.einsum("ij,ijk->ik", normals, _image_slopes(image, depth, tangents, last))
+    slopes = _image_slopes(image, depth, tangents, first)
+    rate = np.einsum("ij,ijk->ik", normals, slopes)
+    other = np.einsum("ij,ijk->ik", normals, _next(slopes))
     along = ((points - begins[nearest]) * sides[nearest]).sum(axis=1) / length[nearest]
     share = np.clip(along, 0, 1)[:, None]
     slope = -((1 - share) * rate[nearest] + share * other[nearest])
     return off, slope, normals[nearest]
+
+
+def _next(around: Array) -> Array:
+    """Return for each corner of a hull what belongs to the next one, shape (k, ...)."""
+    return np.concatenate([around[1:], around[:1]])
 
 
 def _image_slopes(image: Array, depth: Array, tangents: Array, which: Array) -> Array:
