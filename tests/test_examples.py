@@ -28,6 +28,9 @@ SLOW = {  # seconds each: physics, many runs, files for sharing
 }
 
 
+SAYS = {"18_sort": "9 of 9 objects are in their bins"}
+
+
 def marked(path):
     marks = [pytest.mark.slow] if path.stem in SLOW else []
     return pytest.param(path, marks=marks, id=path.stem)
@@ -41,6 +44,7 @@ def test_example(path, tmp_path, monkeypatch, capfd):
     runpy.run_path(str(path), run_name="__main__")  # warnings are errors
     out, err = capfd.readouterr()
     assert out
+    assert SAYS.get(path.stem, "") in out
     assert not err
 
 
