@@ -111,7 +111,7 @@ class MujocoPlant:
     def state(self) -> JointState:
         """The present state of the arm's joints."""
         t = self._t0 + self._steps * self._dt
-        return JointState(t, self.data.qpos[self._q_at], self.data.qvel[self._v_at])
+        return JointState.adopt(t, self.data.qpos[self._q_at], self.data.qvel[self._v_at])
 
     @property
     def applied_torque(self) -> Array:
