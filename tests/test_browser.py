@@ -289,6 +289,54 @@ def test_a_shader_outlives_the_last_thing_that_used_it(browser: Browser, run: Re
         assert set(before) <= set(page.evaluate(ids))
 
 
+def test_nothing_is_asked_of_the_screen_while_nothing_moves(browser: Browser, robot: Robot) -> None:
+    scene = Scene(robot)
+    with serve(scene.window) as server, visit(browser, server.url) as opened:
+        page = opened.page
+        wait_until(page, "viewer.scene_tree.children.robot && !viewer.needs_render")
+        page.evaluate("window.asked = 0, window.ask = window.requestAnimationFrame, null")
+        page.evaluate(
+            "window.requestAnimationFrame = (call) => { asked += 1; return ask(call); }, null"
+        )
+        page.evaluate("new Promise((done) => setTimeout(done, 300))")
+        assert page.evaluate("asked") <= 2  # what the last picture took is measured
+        drawn = page.evaluate("viewer.renderer.info.render.frame")
+        scene.display([0.3, 0.4, -0.5])
+        wait_until(page, f"viewer.renderer.info.render.frame > {drawn} && !viewer.needs_render")
+
+
+def test_the_floor_behind_a_motion_looks_as_drawn(browser: Browser, robot: Robot) -> None:
+    scene = Scene(robot)
+    grab = """() => {
+      breath.until = 0;
+      quality.set(1);
+      viewer.render();
+      const gl = viewer.renderer.getContext();
+      const pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+      gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA,
+        gl.UNSIGNED_BYTE, pixels);
+      return [Array.from(pixels), backdrop.usable];
+    }"""
+    with serve(scene.window) as server, visit(browser, server.url, width=200, height=150) as opened:
+        page = opened.page
+        wait_until(page, "viewer.scene_tree.children.robot && !viewer.needs_render")
+        page.evaluate("quality.rests = () => false, null")
+        page.evaluate("viewer.set_dirty = () => {}, null")
+        page.evaluate("backdrop.view = '', null")
+        direct, usable = page.evaluate(grab)
+        assert not usable
+        kept, usable = page.evaluate(grab)
+        assert usable
+        apart = np.abs(np.array(direct, int) - np.array(kept, int))
+        assert np.ptp(direct) > 100
+        assert apart.max() <= 2
+        assert page.evaluate("viewer.scene_tree.children.floor.object.visible")
+        page.evaluate("night.set(true)")
+        assert not page.evaluate(grab)[1]  # the floor has changed
+        page.evaluate("viewer.camera.position.x += 0.1, null")
+        assert page.evaluate(grab)[1] is False  # the view has turned
+
+
 # ---- the wall ----------------------------------------------------------------------------------
 
 TRY = """([url, socket]) => Promise.all([

@@ -23,7 +23,7 @@ from arm3dof.model.library import load_robot
 from arm3dof.runtime.live import commands as cmd
 from arm3dof.runtime.live.arm import LiveArm
 from arm3dof.runtime.live.frames import Ring, frame_type
-from arm3dof.runtime.live.pace import SimulatedClock
+from arm3dof.runtime.live.pace import SimulatedClock, lateness_percentiles
 from arm3dof.runtime.live.plants import RigidPlant
 from arm3dof.runtime.live.process import ArmLoop
 from arm3dof.ui.studio import feed
@@ -69,7 +69,7 @@ def test_memory_is_flat_over_simulated_time(length: float, monkeypatch: pytest.M
         runs.add(frames)
         scene.show(frames[-1])
         scene.show_trail(frames)
-        feed.numbers_message(frames[-6:], robot, frames["lateness"], {})
+        feed.numbers_message(frames[-6:], robot, lateness_percentiles(frames["lateness"]), {})
         if end == 300.0:
             after_five = resident()
     assert resident() < 1.05 * after_five

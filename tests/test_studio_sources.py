@@ -313,7 +313,7 @@ def test_a_moving_arm_stops_when_its_camera_is_lost(
         frame = studio.arm.ring.latest()
         status = describe(frame, studio.robot, studio.blind)
         assert status == (f"Holding still. No picture: {why}", Tone.WARN)
-        message = feed.numbers_message(frame[None], robot, np.zeros(1), {}, studio.blind)
+        message = feed.numbers_message(frame[None], robot, {}, {}, studio.blind)
         numbers = json.loads(message[1:])
         assert (numbers["status"], numbers["blind"]) == (status.text, why)
         stream.off.clear()

@@ -106,6 +106,7 @@ class LocalServer:
             http="h11",
             ws=_WebSocketProtocol,
             ws_max_size=MAX_FRAME,
+            ws_per_message_deflate=False,  # pictures are packed, and numbers few
             log_config=None,
             access_log=False,
             server_header=False,

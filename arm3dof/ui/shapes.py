@@ -76,12 +76,13 @@ def _sides(radius: float) -> int:
 
 def sphere(radius: float) -> Shape:
     """Return a sphere."""
+    sides = 2 * round(min(max(5 + 0.3 * radius / 1e-3, 6), 14))
     return Shape(
         {
             "type": "SphereGeometry",
             "radius": float(radius),
-            "widthSegments": 28,
-            "heightSegments": 18,
+            "widthSegments": sides,
+            "heightSegments": round(0.64 * sides),
         }
     )
 
@@ -93,8 +94,8 @@ def torus(radius: float, tube: float) -> Shape:
             "type": "TorusGeometry",
             "radius": float(radius),
             "tube": float(tube),
-            "radialSegments": 8,
-            "tubularSegments": 48,
+            "radialSegments": 6,
+            "tubularSegments": 36,
         }
     )
 

@@ -20,7 +20,7 @@ VIEW_DIRECTIONS = {
 }
 HALF_FIELD_OF_VIEW = np.deg2rad(16.0)  # of the page's camera
 MARGIN = 1.02  # of the view around what it must show
-LINE_PIECES = 24
+LINE_PIECES = 10  # of a line of the grid, which fades along it
 
 
 def stage_commands(center: Array, radius: float, floor: float) -> list[Command]:

@@ -32,7 +32,7 @@ from arm3dof.sim.world import World
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.sources import frames
 
-RATE = 24.0
+RATE = 21.0
 """Pictures that are aimed at [1/s]."""
 LOOKS = 4.0
 """How often things are looked for in them at most [1/s]; it costs more than the pictures."""

@@ -15,7 +15,6 @@ import numpy as np
 from arm3dof.model.kinematics import inverse_kinematics
 from arm3dof.model.robot import Robot
 from arm3dof.runtime.live.frames import Frames
-from arm3dof.runtime.live.pace import lateness_percentiles
 from arm3dof.sim.world import COLOURS
 from arm3dof.state import Array
 from arm3dof.ui.studio.status import describe, has_arrived
@@ -28,7 +27,7 @@ _THINNED = 2  # of the frames, one in so many is drawn in the charts
 def numbers_message(
     frames: Frames,
     robot: Robot,
-    lateness: Array,
+    late: Mapping[str, float],
     extra: Mapping[str, object],
     blind: str = "",
 ) -> bytes:
@@ -37,7 +36,7 @@ def numbers_message(
     Args:
         frames: new frames, shape (n,), at least one.
         robot: the arm that they are of.
-        lateness: of the last wake-ups [s].
+        late: percentiles of how late the arm woke of late [s].
         extra: what else is to be told, by name.
         blind: why there are no pictures; empty while there are.
     """
@@ -70,7 +69,7 @@ def numbers_message(
         "tone": status.tone,
         "blind": blind,
         "missed": int(last["missed"]),
-        "late_ms": {k: round(1e3 * v, 3) for k, v in lateness_percentiles(lateness).items()},
+        "late_ms": {k: round(1e3 * v, 3) for k, v in late.items()},
         **extra,
     }
     return NUMBERS + json.dumps(message, separators=(",", ":")).encode()

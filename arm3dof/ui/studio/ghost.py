@@ -12,7 +12,7 @@ from arm3dof.ui.facets import Facets, facets
 from arm3dof.ui.meshcat_window import Command
 from arm3dof.ui.robot_drawing import RobotDrawing
 
-_SIDES = 10  # of a cylinder: nobody looks at a ghost closely
+_SIDES = 8  # of a cylinder: nobody looks at a ghost closely
 
 
 class Ghost:

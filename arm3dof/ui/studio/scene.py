@@ -28,7 +28,9 @@ _CLOUD = 6000  # samples of the reachable region
 _ASIDE = 1.3  # [rad]: the view holds the arm stretched out to each side
 _VISIBLE = 1e-4  # [rad, m]: what moved less looks the same, and its picture may rest
 _SAME = 1e-10  # [rad, m]: but in the end all is where it is, to the last digits
-_SETTLED = 100  # frames after which a change that nobody sees is drawn as well: 3 s
+_SETTLED = (
+    100  # frames after which a change that nobody sees is drawn as well: 3 s, then ever rarer
+)
 _AHEAD = (GHOST[:3], (0.10, 0.20))  # colour of the plan's ghosts, and their opacities
 _NEAR = 0.02  # [rad]: a plan that leads no farther is not worth a ghost
 _WXYZ = (0, 1, 2, 4, 5, 6, 3)  # MuJoCo's order of a pose, to Pinocchio's
@@ -190,7 +192,7 @@ class _Shown:
 
     def __init__(self) -> None:
         self._values: Array | None = None
-        self._since = 0
+        self._since, self._patience = 0, _SETTLED
 
     def differs(self, values: Array) -> bool:
         """Return whether values are to be drawn, which are then the ones that were."""
@@ -198,8 +200,10 @@ class _Shown:
         self._since += 1
         if self._values is not None and new.size:
             change = float(np.abs(new - self._values).max())
-            if change <= (_SAME if self._since > _SETTLED else _VISIBLE):
+            settles = self._since > self._patience
+            if change <= (_SAME if settles else _VISIBLE):
                 return False
+            self._patience = 2 * self._patience if settles and change <= _VISIBLE else _SETTLED
         elif self._values is not None:
             return False
         self._values, self._since = np.array(new), 0

@@ -24,6 +24,7 @@ from arm3dof.runtime.live.eye import Blind, Learned, Pick, SeenPicture, Watch
 from arm3dof.runtime.live.eye_process import EyeProcess, EyeSpec
 from arm3dof.runtime.live.frames import Frames, Mode
 from arm3dof.runtime.live.mind_process import MindProcess
+from arm3dof.runtime.live.pace import lateness_percentiles
 from arm3dof.runtime.live.process import ArmProcess, ArmSpec, News
 from arm3dof.runtime.live.tuned import Tuned
 from arm3dof.runtime.parallel import PackedRobot
@@ -352,8 +353,10 @@ class Studio:
     def _show(self) -> None:
         """Move the 3-D view and feed the tabs until the end; runs in a thread of its own."""
         count, due = 0, time.monotonic()
+        known: tuple[object, ...] = ()
         seen: list[dict[str, object]] = []
         lateness: deque[float] = deque(maxlen=_LATENESS_KEPT)
+        late = lateness_percentiles(np.zeros(0))
         pending: list[Frames] = []
         trail: list[Frames] = []
         turn = 0
@@ -377,13 +380,17 @@ class Studio:
                         self._go_blind(_EYE_ENDED)
                     self.scene.show_trail(np.concatenate(trail))
                     trail = []
-                    located = self.located()
-                    self.scene.show_objects(located)
-                    seen = feed.seen(located, self.robot)
+                    late = lateness_percentiles(np.array(lateness))
+                    located, robot = self.located(), self.robot
+                    key = robot, *((it.target, it.box_px, it.p_base.tobytes()) for it in located)
+                    if key != known:
+                        known = key
+                        self.scene.show_objects(located)
+                        seen = feed.seen(located, robot)
             if turn % 2 == 0:
                 extra = {"holder": self.controls.holder, "tabs": self.controls.tabs, "seen": seen}
                 message = feed.numbers_message(
-                    np.concatenate(pending), self.robot, np.array(lateness), extra, self.blind
+                    np.concatenate(pending), self.robot, late, extra, self.blind
                 )
                 self.live.send(message)
                 pending = []

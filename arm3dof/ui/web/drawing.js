@@ -54,7 +54,14 @@ var quality = { // var: a page around this one, and tests, reach it
   set(level) {
     if (level === this.level) return;
     this.level = level;
-    const { ratio, shadows } = this.levels[level];
+    this.apply();
+  },
+
+  // Lights that come with a batch of commands cast no shadows either where others do not.
+  light(commands) { if (commands.some(({ path }) => path?.startsWith("/Lights"))) this.apply(); },
+
+  apply() {
+    const { ratio, shadows } = this.levels[this.level];
     viewer.renderer.setPixelRatio(window.devicePixelRatio * ratio);
     viewer.scene.traverse((object) => {
       if (!object.isDirectionalLight) return;
@@ -67,18 +74,15 @@ var quality = { // var: a page around this one, and tests, reach it
 // Where one picture takes long, the page around it gets as much time as the picture took.
 const breath = {
   long: 80, longest: 500, // ms
-  begun: 0, until: 0,
+  until: 0,
 
-  frame(now) { // the browser asks for the next frame when the last one is on the screen
-    if (!this.begun || now <= this.begun) return; // nothing drawn, or in this very frame
-    const took = now - this.begun;
-    this.begun = 0;
-    if (took > this.long) this.until = now + Math.min(took, this.longest);
-  },
-
-  tick(now) {
-    this.frame(now);
-    requestAnimationFrame((next) => this.tick(next));
+  // The browser asks for the next frame when the last one is on the screen.
+  begin() {
+    const begun = performance.now();
+    requestAnimationFrame((now) => {
+      const took = now - begun;
+      if (took > this.long) this.until = now + Math.min(took, this.longest);
+    });
   },
 };
 
@@ -182,14 +186,94 @@ function merged(parent, solids) {
   return whole;
 }
 
+// ---- backdrop: the floor lies behind everything; while nobody turns the view it stays as drawn ----
+
+const BEHIND = ["floor", "Lights"]; // nodes of the scene that make the backdrop
+
+const backdrop = {
+  picture: null, view: "", changes: 0, usable: false,
+
+  // A command that changes what lies behind lets it be drawn anew.
+  heed({ path }) {
+    if (path && (BEHIND.includes(path.split("/")[1]) || path.startsWith("/Background"))) this.changes += 1;
+  },
+
+  // Draw a frame: what lies behind comes from the picture of it, where the view is as it was.
+  draw(drawAll) {
+    const { scene, camera, renderer } = viewer;
+    const floor = viewer.scene_tree.children.floor?.object;
+    if (!software || quality.level === 0 || !floor || !scene.background) return drawAll();
+    viewer.controls.update();
+    camera.updateMatrixWorld();
+    camera.updateProjectionMatrix();
+    const { width, height } = renderer.domElement;
+    const view = [...camera.matrixWorld.elements, ...camera.projectionMatrix.elements,
+      width, height, scene.background.uuid, this.changes].join();
+    if (view !== this.view) {
+      Object.assign(this, { view, usable: false });
+      return drawAll(); // it may turn on
+    }
+    if (!this.usable) this.take(width, height);
+    const background = scene.background;
+    scene.background = this.picture.texture;
+    floor.visible = false;
+    try {
+      return drawAll();
+    } finally {
+      scene.background = background;
+      floor.visible = true;
+    }
+  },
+
+  take(width, height) {
+    const { NearestFilter, WebGLRenderTarget } = MeshCat.THREE;
+    const { scene, camera, renderer } = viewer;
+    this.picture ??= new WebGLRenderTarget(width, height, { minFilter: NearestFilter, magFilter: NearestFilter });
+    this.picture.setSize(width, height);
+    this.picture.texture.encoding = renderer.outputEncoding;
+    const others = Object.entries(viewer.scene_tree.children)
+      .filter(([name, { object }]) => !BEHIND.includes(name) && object.visible).map(([, { object }]) => object);
+    others.forEach((object) => { object.visible = false; });
+    renderer.setRenderTarget(this.picture);
+    renderer.render(scene, camera);
+    renderer.setRenderTarget(null);
+    others.forEach((object) => { object.visible = true; });
+    this.usable = true;
+  },
+};
+
 // ---- all of it, in the viewer --------------------------------------------------------------------
 
+// The viewer asks for every frame of the screen; this lets it ask only where there is something to
+// draw, for each costs the page some of its time.
+function drawOnDemand() {
+  let asked = false;
+  const ask = () => {
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame(() => { asked = false; viewer.animate(); });
+  };
+  viewer.animate = function () {
+    this.animator.update(); // while it plays there is always more to draw
+    if (this.needs_render) this.render();
+    if (this.needs_render) ask();
+  };
+  viewer.set_dirty = function () {
+    this.needs_render = true;
+    ask();
+  };
+  viewer.animator.play = function () {
+    Object.getPrototypeOf(this).play.call(this);
+    viewer.set_dirty();
+  };
+  ask();
+}
+
 function drawWithCare() {
-  const draw = () => MeshCat.Viewer.prototype.render.call(viewer);
+  const draw = () => backdrop.draw(() => MeshCat.Viewer.prototype.render.call(viewer));
   viewer.render = function () {
-    const now = performance.now();
-    if (now < breath.until) return; // it stays due
-    breath.begun = now;
+    if (performance.now() < breath.until) return; // it stays due
+    breath.begin();
     quality.moves();
     draw();
     shaders.keep();
@@ -204,5 +288,5 @@ function drawWithCare() {
     quality.set(0);
     draw();
   }, 250);
-  breath.tick(performance.now());
+  drawOnDemand();
 }

@@ -105,6 +105,7 @@ var night = { // var: the page around this one reaches it
     viewer.set_property(["Background"], "top_color", this.sky[k]);
     viewer.set_property(["Background"], "bottom_color", this.ground[k]);
     viewer.set_property(["floor", "disc"], "visible", !this.dark);
+    backdrop.changes += 1;
     viewer.set_dirty();
   },
 };
@@ -130,7 +131,7 @@ function showCaption(message) {
 // ---- replay: poses of links at a fixed rate, shown frame by frame in double precision ---------
 
 const player = {
-  frames: 0, fps: 30, frame: 0, time: 0, speed: 1, playing: false, last: null, nodes: [], rows: [],
+  frames: 0, fps: 30, frame: 0, time: 0, speed: 1, playing: false, asked: 0, last: null, nodes: [], rows: [],
   watchers: [], // called with the time [s] of each frame that is shown
 
   load(message) {
@@ -171,6 +172,8 @@ const player = {
   },
 
   setPlaying(playing) {
+    cancelAnimationFrame(this.asked);
+    if (playing) this.ask();
     this.playing = playing;
     this.last = null;
     const button = $("#play");
@@ -184,15 +187,16 @@ const player = {
   },
 
   tick(now) {
-    if (this.playing) {
-      if (this.last !== null) this.time += this.speed * (now - this.last) / 1000;
-      this.last = now;
-      if (this.time > this.duration() + LOOP_PAUSE) this.time = 0;
-      const frame = Math.min(this.frames - 1, Math.floor(this.time * this.fps + 1e-6));
-      if (frame !== this.frame) this.show(frame);
-    }
-    requestAnimationFrame((next) => this.tick(next));
+    if (!this.playing) return;
+    if (this.last !== null) this.time += this.speed * (now - this.last) / 1000;
+    this.last = now;
+    if (this.time > this.duration() + LOOP_PAUSE) this.time = 0;
+    const frame = Math.min(this.frames - 1, Math.floor(this.time * this.fps + 1e-6));
+    if (frame !== this.frame) this.show(frame);
+    this.ask();
   },
+
+  ask() { this.asked = requestAnimationFrame((now) => this.tick(now)); },
 
   makeRows(joints) {
     const cell = (row, text, kind) => {
@@ -239,7 +243,6 @@ document.addEventListener("keydown", (event) => {
   else return;
   event.preventDefault();
 });
-requestAnimationFrame((now) => player.tick(now));
 
 // ---- messages ---------------------------------------------------------------------------------
 
@@ -247,6 +250,7 @@ const pageCommands = {
   batch(command) {
     command.commands.forEach((each) => viewer.handle_command(each));
     united.unite();
+    quality.light(command.commands);
   },
   caption: showCaption,
   views: (command) => camera.load(command),
@@ -258,6 +262,7 @@ viewer.handle_command = function (command) {
   if (carryOut) carryOut(command);
   else MeshCat.Viewer.prototype.handle_command.call(this, command);
   united.heed(command);
+  backdrop.heed(command);
 };
 
 function clearScene() {

@@ -5,6 +5,7 @@
 const MARGIN = { left: 42, right: 10, top: 8, bottom: 20 }; // px
 const DASHES = { now: [], kept: [6, 4], plan: [1.5, 3] };
 const SPANS = { least: 1, most: 60 }; // s of a window
+const BESIDE = 0.2; // px that a point may lie beside the line
 const FONT = "10px system-ui, sans-serif";
 
 // The last row of increasing times that is not after t; -1 before the first.
@@ -148,14 +149,38 @@ class LiveChart {
     draw.setLineDash(DASHES[curve.kind]);
     draw.strokeStyle = look.colours[curve.joint % look.colours.length];
     draw.globalAlpha = curve.kind === "kept" ? 0.6 : 1;
-    draw.lineWidth = curve.kind === "now" ? 1.8 : 1.3;
-    draw.lineJoin = "round";
+    draw.lineWidth = look.fine ? 1 : curve.kind === "now" ? 1.8 : 1.3;
+    draw.lineJoin = "bevel";
     draw.beginPath();
-    for (let row = curve.first; row <= curve.last; row += 1) {
-      draw.lineTo(this.x(curve.t(row)), this.y(curve.y(row)));
-    }
+    this.trace(draw, curve);
     draw.stroke();
     draw.globalAlpha = 1;
+  }
+
+  // Go along a curve through as few of its points as leave none of the others beside it: hundreds lie
+  // within a hundred pixels, and to stroke them costs more than all else.
+  trace(draw, { first, last, times, rows, joint, scale, shift }) {
+    const { x: left, y: top, w, h } = this.frame;
+    const [across, down] = [w / (this.window.to - this.window.from), h / (this.high - this.low)];
+    let [fromX, fromY, beforeX, beforeY] = [0, 0, 0, 0];
+    let [least, most] = [-Infinity, Infinity]; // slopes that pass every point since the last corner
+    for (let row = first; row <= last; row += 1) {
+      const x = left + across * (times[row] + shift - this.window.from);
+      const y = top + down * (this.high - scale * rows[row][joint]);
+      const slope = (y - fromY) / (x - fromX);
+      if (row === first) draw.moveTo(x, y);
+      if (row === first || !(slope >= least && slope <= most)) { // what is no number as well
+        if (row > first) draw.lineTo(beforeX, beforeY);
+        [fromX, fromY] = row === first ? [x, y] : [beforeX, beforeY];
+        [least, most] = [-Infinity, Infinity];
+      }
+      if (x > fromX) {
+        least = Math.max(least, (y - BESIDE - fromY) / (x - fromX));
+        most = Math.min(most, (y + BESIDE - fromY) / (x - fromX));
+      }
+      [beforeX, beforeY] = [x, y];
+    }
+    draw.lineTo(beforeX, beforeY);
   }
 
   // A rule at a time, and beside it what every curve is there.
@@ -209,22 +234,23 @@ class LiveCharts {
       const chart = new LiveChart(canvas, spec);
       this.all.set(spec.name, chart);
       this.listen(canvas, chart);
-      new ResizeObserver(() => { this.due = true; }).observe(canvas);
+      new ResizeObserver(() => this.ask()).observe(canvas);
     }
-    this.tick();
+    document.addEventListener("visibilitychange", () => this.ask());
   }
 
   get(name) { return this.all.get(name); }
 
-  // What has come is drawn once a frame of the screen.
-  tick() {
-    if (this.due && this.look && !document.hidden) this.draw();
-    requestAnimationFrame(() => this.tick());
+  // What has come is drawn with the next frame of the screen; without news there are no frames.
+  ask() {
+    if (this.due || !this.look || document.hidden) return;
+    this.due = true;
+    requestAnimationFrame(() => this.draw());
   }
 
   take(message) {
     this.plan = message;
-    if (!this.paused) this.due = true;
+    if (!this.paused) this.ask();
   }
 
   draw() {
@@ -247,16 +273,23 @@ class LiveCharts {
     return curves;
   }
 
+  // Where the page is slow, what moves has the thinnest lines, which cost a quarter.
+  fine(fine) {
+    if (!this.look || this.look.fine === fine) return;
+    this.look.fine = fine;
+    this.ask();
+  }
+
   pause(paused) {
     this.paused = paused;
     this.stopped = paused ? this.past.t.at(-1) : undefined;
     if (!paused) this.back = 0;
-    this.due = true;
+    this.ask();
   }
 
   zoom(span) {
     this.span = Math.max(SPANS.least, Math.min(SPANS.most, span));
-    this.due = true;
+    this.ask();
   }
 
   // Colours of lines and letters, which the page's light or dark decides.
@@ -264,9 +297,9 @@ class LiveCharts {
     const style = getComputedStyle(document.body);
     const [soft, line, card, limit] = ["--soft", "--line", "--card", "--stop"].map((name) => style.getPropertyValue(name).trim());
     const colours = this.facts.colours[dark ? "dark" : "light"];
-    this.look = { soft, line, card, limit, colours, joints: this.facts.joints };
+    this.look = { soft, line, card, limit, colours, joints: this.facts.joints, fine: false };
     document.querySelectorAll(".legend i").forEach((mark, joint) => { mark.style.background = colours[joint % colours.length]; });
-    this.due = true;
+    this.ask();
   }
 
   // The wheel zooms, a drag looks back while the charts stand still, a double click forgets both.
@@ -282,9 +315,9 @@ class LiveCharts {
         this.back = Math.max(0, Math.min(most, this.back + this.span * event.movementX / chart.frame.w));
       }
       this.pointed = chart.time(event);
-      this.due = true;
+      this.ask();
     });
-    canvas.addEventListener("pointerleave", () => { this.pointed = null; this.due = true; });
+    canvas.addEventListener("pointerleave", () => { this.pointed = null; this.ask(); });
     canvas.addEventListener("dblclick", () => { this.back = 0; this.zoom(10); });
   }
 
@@ -305,7 +338,7 @@ class LiveCharts {
       draw.font = "600 12px system-ui, sans-serif";
       draw.fillText(`${chart.spec.title} [${chart.spec.unit}]`, 10, 16);
       draw.translate(0, title);
-      chart.paint(draw, this.look, null);
+      chart.paint(draw, { ...this.look, fine: false }, null);
       draw.restore();
     });
     return sheet;

@@ -259,6 +259,7 @@ const night = {
   look() {
     const dark = document.body.classList.contains("body--dark");
     const view = byId("view").contentWindow;
+    if (view.quality) charts.fine(view.quality.level > 0);
     if (dark === this.dark || !view.night) return;
     this.dark = dark;
     charts.dress(dark);
