@@ -27,9 +27,10 @@ from arm3dof.runtime.live.eye_process import EyeProcess, EyeSpec
 from arm3dof.runtime.live.footage import STILL, SourceCamera, fitted, played
 from arm3dof.runtime.live.frames import Mode, Ring, frame_type
 from arm3dof.runtime.live.pace import SimulatedClock
+from arm3dof.runtime.live.process import News
 from arm3dof.runtime.live.tuned import Tuned
 from arm3dof.runtime.parallel import PackedRobot
-from arm3dof.ui.demo_scene import draw_demo
+from arm3dof.ui.demo_scene import demo_table, draw_demo
 from arm3dof.ui.studio import feed
 from arm3dof.ui.studio.status import Tone, describe
 from arm3dof.ui.studio.studio import Studio
@@ -326,6 +327,42 @@ def test_a_moving_arm_stops_when_its_camera_is_lost(
         studio.rebuild({"link3.mass": 0.1})
         after(lambda: studio.arm.ring.latest()["version"] == 1)
         assert studio.tuned.overrides == {"link3.mass": 0.1}
+    finally:
+        studio.close()
+
+
+def test_a_page_that_fails_inside_says_so_and_stops_the_arm(
+    robot: Robot,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    spec = EyeSpec(SETUP.camera, WATCH, demo_table(np.random.default_rng(0)))
+    studio = Studio(Tuned(), robot, np.zeros(3), spec, tmp_path, file_store())
+    told: list[bytes] = []
+    monkeypatch.setattr(studio.live, "send", told.append)
+
+    def fail(*_: object) -> None:
+        raise SystemError("a tuple broke")
+
+    def mode() -> Mode | None:
+        studio.alive()
+        frame = studio.arm.ring.latest()
+        return None if frame is None else Mode(int(frame["mode"]))
+
+    try:
+        studio.begin()
+        eventually(lambda: mode() is Mode.HOLDING)
+        studio.ask(cmd.Aim((0.3, 0.8, -0.6)))
+        studio.ask(cmd.Run())
+        eventually(lambda: mode() is Mode.RUNNING)
+        monkeypatch.setattr(studio.scene, "show", fail)
+        eventually(lambda: mode() is Mode.HOLDING)
+        eventually(lambda: told[-1].startswith(feed.FAILURE))
+        assert "start the program again" in told[-1].decode()
+        assert studio.live._welcome() == told[-1]  # for tabs that come later
+        assert studio.news[-1][1] == News(told[-1][1:].decode(), bad=True)
+        assert "a tuple broke" in caplog.text
     finally:
         studio.close()
 

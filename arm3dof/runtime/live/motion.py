@@ -66,9 +66,10 @@ class Motion:
         for left in reversed(range(steps)):
             self._commands.append(tau)
             pushed = self._push_left > 0
-            plant.step(self._commands.popleft(), external_torque=self._push if pushed else None)
+            push = self._push if pushed else None
+            state = plant.step(self._commands.popleft(), external_torque=push)
             self._push_left -= pushed
             self.given = plant.applied_torque
-            self.energy += float(np.abs(self.given @ plant.state.v)) * plant.dt
+            self.energy += float(np.abs(self.given @ state.v)) * plant.dt
             if reader is not None and (left or not is_last):
                 reader.observe(plant.measure())

@@ -1,8 +1,9 @@
 """What every open page is told many times a second: numbers as JSON, pictures as JPEG.
 
 Messages are bytes on one websocket; the first byte says what follows: ``N`` numbers, ``P`` the
-picture, ``M`` its mask. Pictures do not come by a request of their own, for a browser keeps no
-more than six connections to a server, and three tabs with two endless pictures would be stuck.
+picture, ``M`` its mask, ``F`` why nothing more will come. Pictures do not come by a request of
+their own, for a browser keeps no more than six connections to a server, and three tabs with two
+endless pictures would be stuck.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from arm3dof.state import Array
 from arm3dof.ui.studio.status import describe, has_arrived
 from arm3dof.vision.locate import Located
 
-NUMBERS, PICTURE, MASK = b"N", b"P", b"M"
+NUMBERS, PICTURE, MASK, FAILURE = b"N", b"P", b"M", b"F"
 _THINNED = 2  # of the frames, one in so many is drawn in the charts
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import threading
 import time
 from collections import deque
@@ -41,6 +42,7 @@ from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import ColourTarget
 from arm3dof.vision.locate import Located
 
+_LOGGER = logging.getLogger(__name__)
 VIEW_RATE = 40.0
 """How often the 3-D view is moved [1/s]; the charts get half of it."""
 _TRAIL_RATE = 5.0  # [1/s]
@@ -48,6 +50,7 @@ _LATENESS_KEPT = 3600  # wake-ups, a minute of them
 _NEWS_KEPT = 50
 _CAMERA_FILE, _SETTINGS_FILE = "camera.toml", "studio.toml"
 _EYE_ENDED = "what looks through the camera has ended; start the program again"
+_BROKEN = "the page can show nothing more, for it failed inside; start the program again"
 _LOST = "the tab that held the controls is gone, so the arm was stopped"
 
 
@@ -128,7 +131,8 @@ class Studio:
         self._answers = answers
         self._mind: MindProcess | None = None
         self.scene = LiveScene(robot, np.array(position), eye.camera, world)
-        self.live = Broadcast(lambda: b"")
+        self._failure = b""
+        self.live = Broadcast(lambda: self._failure)
         self.controls = Controls(self._lost)
         self._version = 0
         self._scene_lock = threading.Lock()
@@ -351,7 +355,23 @@ class Studio:
             self._hear(News(str(error), bad=True))
 
     def _show(self) -> None:
-        """Move the 3-D view and feed the tabs until the end; runs in a thread of its own."""
+        """Show what there is to see until the end; runs in a thread of its own.
+
+        Should it fail, every tab is told so, those that come later as well, and the arm stops.
+        """
+        try:
+            self._show_frames()
+        except Exception:
+            _LOGGER.exception(_BROKEN)
+            with self.live.changed:
+                self._failure = feed.FAILURE + _BROKEN.encode()
+                self.live.send(self._failure)
+            self._hear(News(_BROKEN, bad=True))
+            with contextlib.suppress(ArmError):
+                self.arm.send(cmd.Stop())
+
+    def _show_frames(self) -> None:
+        """Move the 3-D view and feed the tabs."""
         count, due = 0, time.monotonic()
         known: tuple[object, ...] = ()
         seen: list[dict[str, object]] = []

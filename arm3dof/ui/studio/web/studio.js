@@ -71,6 +71,12 @@ function hear(message) {
   }
 }
 
+function warn(text) {
+  const status = byId("status");
+  status.dataset.tone = "warn";
+  setText(status.querySelector("span"), text[0].toUpperCase() + text.slice(1));
+}
+
 function showFacts(message) {
   if (!byId("fact-energy")) return;
   const median = percentile(past.steps, 0.5), most = percentile(past.steps, 0.99);
@@ -182,6 +188,7 @@ function receive(event) {
   const rest = bytes.subarray(1);
   const kind = String.fromCharCode(bytes[0]);
   if (kind === "N") hear(JSON.parse(decoder.decode(rest)));
+  else if (kind === "F") warn(decoder.decode(rest));
   else if (document.hidden) return;
   else if (kind === "P") {
     live.pictures += 1;
@@ -275,9 +282,7 @@ function connect(attempt) {
   socket.binaryType = "arraybuffer";
   socket.onmessage = (event) => { retry = 0; receive(event); };
   socket.onclose = () => {
-    const status = byId("status");
-    status.dataset.tone = "warn";
-    setText(status.querySelector("span"), "Connection lost. Trying again …");
+    warn("Connection lost. Trying again …");
     setTimeout(() => connect(retry + 1), Math.min(3000, 250 * 2 ** retry));
   };
 }
