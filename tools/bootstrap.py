@@ -16,6 +16,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 OLDEST = (3, 11)
+# most modules are never imported; those that are get compiled then, which is sooner in all
+INSTALL = ("install", "--quiet", "--no-compile", "-c", str(ROOT / "constraints.txt"))
 # shared libraries that wheels take for granted and a bare Debian lacks, and their packages
 LIBRARIES = {
     "libatomic.so.1": "libatomic1",
@@ -38,11 +40,11 @@ def main(extras):
         check_venv()
         say(f"creating .venv with {sys.executable}")
         run(sys.executable, "-m", "venv", "--clear", VENV)
+        # Python brings an old pip, which takes three times as long to choose versions
+        subprocess.run([str(python), "-m", "pip", *INSTALL, "--upgrade", "pip"])
     wanted = f"[{','.join(extras)}]" if extras else ""
     say(f"installing arm3dof{wanted} into .venv (the first time takes a few minutes)")
-    # most modules are never imported; those that are get compiled then, which is sooner in all
-    options = ("--quiet", "--no-compile", "-c", ROOT / "constraints.txt")
-    run(python, "-m", "pip", "install", *options, "--editable", f"{ROOT}{wanted}")
+    run(python, "-m", "pip", *INSTALL, "--editable", f"{ROOT}{wanted}")
     check_libraries(str(python), "-c", "import pinocchio, proxsuite, cv2")
     if "physics" in extras:
         check_renderer(str(python))
