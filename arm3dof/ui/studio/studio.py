@@ -43,7 +43,7 @@ from arm3dof.vision.colour import ColourTarget
 from arm3dof.vision.locate import Located
 
 _LOGGER = logging.getLogger(__name__)
-VIEW_RATE = 40.0
+VIEW_RATE = 42.0
 """How often the 3-D view is moved [1/s]; the charts get half of it."""
 _TRAIL_RATE = 5.0  # [1/s]
 _LATENESS_KEPT = 3600  # wake-ups, a minute of them
