@@ -69,6 +69,37 @@ def test_dry_friction_holds_below_its_limit_and_yields_above_it():
             np.testing.assert_array_equal(state.v, 0.0)
 
 
+@pytest.mark.parametrize("name", ["arm3dof", "so101", "xarm7"])
+def test_friction_and_stops_leave_the_velocity_that_minimises_the_convex_program(name):
+    """Its gradient is zero where a joint slides, inside the cone where it sticks, and pushes where
+    it is stopped."""
+    rng, stuck, stopped = np.random.default_rng(0), 0, 0
+    joints = load_robot(name).joint_names
+    robot = load_robot(name, overrides={f"{joint}.friction": 0.05 for joint in joints})
+    plant, nv = PinocchioPlant(robot, end_stops=True), robot.nv
+    for _ in range(100):
+        q = robot.random_configuration(rng)
+        at_end = rng.random(nv) < 0.2
+        q[at_end] = robot.limits.q_max[at_end]
+        plant.reset(JointState(0.0, q, np.zeros(nv)))
+        free = rng.normal(size=nv) * rng.choice([1e-3, 1e-2, 1.0], nv)
+        v = plant._rub(free)
+        mass = robot.mass_matrix(q)
+        pull = mass @ (free - v) - plant.dt * plant._implicit_damping * v
+        dry = plant.dt * robot.friction
+        slides, held = np.sign(v) * dry, (q >= robot.limits.q_max) & (v == 0.0)
+        scale = mass.diagonal()
+        moves = v != 0.0
+        assert (np.abs(pull - slides)[moves] <= 1e-9 * scale[moves]).all()
+        assert (pull[~moves] >= -dry[~moves] - 1e-9 * scale[~moves]).all()
+        sticks = ~moves & ~held
+        assert (pull[sticks] <= dry[sticks] + 1e-9 * scale[sticks]).all()
+        assert (v[q >= robot.limits.q_max] <= 0.0).all()
+        stuck, stopped = stuck + int(sticks.sum()), stopped + int((held & (pull > dry)).sum())
+    assert stuck > 20
+    assert stopped > 5
+
+
 def test_sliding_friction_takes_the_energy_that_coulomb_says():
     friction = 0.05
     robot = load_robot("arm3dof", overrides={"gravity.z": 0.0, "joint1.friction": friction} | FREE)
