@@ -67,7 +67,7 @@ class BareProxqp:
     def sizes(self) -> tuple[float, float]:
         """Mean numbers of variables and of rows."""
         programs = [program for programs in self._programs for program in programs]
-        n, m = np.mean([(p.g.size, p.l.size) for p in programs], axis=0)
+        n, m = np.mean([(p.g.size, p.lower.size) for p in programs], axis=0)
         return float(n), float(m)
 
     def times(self, motion: int) -> Array:
@@ -77,7 +77,7 @@ class BareProxqp:
         times = np.empty(len(programs))
         previous: QuadraticProgram | None = None
         for i, program in enumerate(programs):
-            size = (program.g.size, program.l.size)
+            size = (program.g.size, program.lower.size)
             fresh = size not in solvers
             if fresh:
                 solvers[size] = self._solver(*size)
@@ -85,11 +85,15 @@ class BareProxqp:
             same = previous is not None and np.array_equal(previous.H, program.H)
             start = clock()
             if fresh:
-                solver.init(program.H, program.g, None, None, program.C, program.l, program.u)
+                solver.init(
+                    program.H, program.g, None, None, program.C, program.lower, program.upper
+                )
             elif same:
-                solver.update(g=program.g, C=program.C, l=program.l, u=program.u)
+                solver.update(g=program.g, C=program.C, l=program.lower, u=program.upper)
             else:
-                solver.update(H=program.H, g=program.g, C=program.C, l=program.l, u=program.u)
+                solver.update(
+                    H=program.H, g=program.g, C=program.C, l=program.lower, u=program.upper
+                )
             solver.solve()
             times[i] = clock() - start
             previous = program
@@ -109,7 +113,9 @@ def _feasible(optimum: Optimum) -> QuadraticProgram:
     """Return an optimum's QP with all limits; those that cannot be kept give way to the optimum."""
     program = optimum.quadratic_program()
     reached = program.C @ optimum.w
-    return program._replace(l=np.minimum(program.l, reached), u=np.maximum(program.u, reached))
+    return program._replace(
+        lower=np.minimum(program.lower, reached), upper=np.maximum(program.upper, reached)
+    )
 
 
 class PeerContestant:

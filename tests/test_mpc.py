@@ -107,7 +107,7 @@ def test_the_optimum_is_that_of_the_qp_with_every_limit(robot, formulation):
         if optimum.softened or optimum.status is not QpStatus.SOLVED:
             continue
         qp = optimum.quadratic_program()
-        solution = ProxqpWorkspace(qp.g.size, qp.l.size).solve(qp)
+        solution = ProxqpWorkspace(qp.g.size, qp.lower.size).solve(qp)
         if solution.status is QpStatus.SOLVED:
             np.testing.assert_allclose(optimum.w, solution.x, atol=1e-4)
             compared += 1

@@ -62,7 +62,7 @@ def test_the_kkt_residual_sees_each_kind_of_error():
 
 def test_a_problem_without_rows_active_is_solved_in_closed_form():
     rng = np.random.default_rng(3)
-    qp = random_qp(rng, 12, 5)._replace(l=np.full(5, -UNBOUNDED), u=np.full(5, UNBOUNDED))
+    qp = random_qp(rng, 12, 5)._replace(lower=np.full(5, -UNBOUNDED), upper=np.full(5, UNBOUNDED))
     solution = ProxqpWorkspace(12, 5).solve(qp)
     np.testing.assert_allclose(solution.x, -np.linalg.solve(qp.H, qp.g), atol=1e-7)
 
@@ -75,7 +75,9 @@ def test_infeasible_not_finite_and_capped_problems_say_so_and_leave_no_trace():
     workspace = ProxqpWorkspace(n, m)
     rows = np.vstack([good.C[:-1], good.C[:1]])
     contradiction = good._replace(
-        C=rows, l=np.r_[good.l[:-1], good.u[0] + 1], u=np.r_[good.u[:-1], good.u[0] + 2]
+        C=rows,
+        lower=np.r_[good.lower[:-1], good.upper[0] + 1],
+        upper=np.r_[good.upper[:-1], good.upper[0] + 2],
     )
     for _ in range(3):
         assert workspace.solve(contradiction).status in (
@@ -83,7 +85,7 @@ def test_infeasible_not_finite_and_capped_problems_say_so_and_leave_no_trace():
             QpStatus.ITERATION_LIMIT,
         )
         np.testing.assert_allclose(workspace.solve(good).x, expected, atol=1e-7)
-        for part in ("H", "g", "C", "l", "u"):
+        for part in good._fields:
             broken = np.array(getattr(good, part))
             broken.flat[0] = np.nan
             answer = workspace.solve(good._replace(**{part: broken}))

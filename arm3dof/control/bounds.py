@@ -77,7 +77,8 @@ class Bounds(NamedTuple):
         most = np.broadcast_to(change, (1, *self.high.shape[1:]))
         high = np.concatenate([self.high[:RATE], most])
         low = np.concatenate([self.low[:RATE], -most])
-        price = np.append(self.prices[:: high[0].size][:RATE], UNBOUNDED)
+        of_each_kind = self.prices[:: high[0].size][:RATE]
+        price = np.append(of_each_kind, UNBOUNDED)
         return Bounds.between(low, high, price, last_torque)
 
     def slowing_from(self, v: Array) -> Bounds:

@@ -44,6 +44,7 @@ class LoadEstimator:
         self._nominal = nominal.clone()
         self._unit = nominal.with_payload((nominal.payload.mass if nominal.payload else 0.0) + 1.0)
         masses, with_unit = _parameters(self._nominal), _parameters(self._unit)
+        # bodies are linear in the two unknowns: 1 + s of their masses, m of what a unit load adds
         self._by_unknown = np.stack([masses.ravel(), (with_unit - masses).ravel()], axis=1)
         self._data = self._nominal.model.createData()
         self._unit_data = self._unit.model.createData()

@@ -13,9 +13,6 @@ from arm3dof.control.qp import UNBOUNDED, QpStatus, QuadraticProgram
 from arm3dof.control.working_set import WorkingSet
 from arm3dof.state import Array
 
-IDLE = 1e-9
-"""A multiplier below this share of the largest did not matter."""
-
 
 class Optimum(NamedTuple):
     """The solution of a program.
@@ -61,26 +58,20 @@ class Optimum(NamedTuple):
         rows.ravel()[self.working.limits] = True
         return rows
 
-    @property
-    def pushing(self) -> NDArray[np.bool_]:
-        """Which limits of the working set have a multiplier that matters."""
-        return np.asarray(self.multipliers > IDLE * self.multipliers.max(initial=0.0))
-
     def kkt_residual(self) -> float:
         """Return the largest violation of the optimality conditions, tangents being believed.
 
         Stationarity, feasibility of the hard limits, and complementarity: z is zero off the limit
         and, for a soft limit, its full price beyond the limit.
         """
-        limits, C, b, price = self.working[:4]
-        z = self.multipliers
-        gradient = self.program.hessian @ (self.w - self.program.w_free) + C.T @ z
-        slack = b - C @ self.w
-        unpaid = np.where(price < UNBOUNDED, 1 - z / price, 1.0)
+        working, z = self.working, self.multipliers
+        gradient = self.program.hessian @ (self.w - self.program.w_free) + working.C.T @ z
+        slack = working.b - working.C @ self.w
+        unpaid = np.where(working.price < UNBOUNDED, 1 - z / working.price, 1.0)
         others = self.bounds.excess(self.values)
         if self.program.fixed is not None:
             others[:, : VELOCITY + 1][:, self.program.fixed] = 0.0
-        others.ravel()[limits] = 0.0
+        others.ravel()[working.limits] = 0.0
         parts = (gradient, z * slack.clip(min=0.0), unpaid * slack.clip(max=0.0), others.clip(0.0))
         return max(float(np.abs(part).max(initial=0.0)) for part in parts)
 

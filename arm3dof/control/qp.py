@@ -20,21 +20,21 @@ _INNER_ITERATIONS = 20
 
 
 class QuadraticProgram(NamedTuple):
-    """Minimise 1/2 x' H x + g' x subject to l <= C x <= u.
+    """Minimise 1/2 x' H x + g' x subject to lower <= C x <= upper.
 
     Attributes:
         H: Hessian, symmetric positive semidefinite, shape (n, n).
         g: gradient at zero, shape (n,).
         C: constraint rows, shape (m, n).
-        l: lower bounds, shape (m,); ``-UNBOUNDED`` for none.
-        u: upper bounds, shape (m,); ``UNBOUNDED`` for none.
+        lower: bounds, shape (m,); ``-UNBOUNDED`` for none.
+        upper: bounds, shape (m,); ``UNBOUNDED`` for none.
     """
 
     H: Array
     g: Array
     C: Array
-    l: Array  # noqa: E741 - l and u are what ProxQP and its papers call them
-    u: Array
+    lower: Array
+    upper: Array
 
 
 class QpStatus(Enum):
@@ -109,9 +109,9 @@ class QpSolution:
         """
         stationarity = qp.H @ self.x + qp.g + qp.C.T @ self.z
         rows = qp.C @ self.x
-        infeasibility = np.maximum(qp.l - rows, rows - qp.u).clip(min=0.0)
-        to_upper = np.where(self.z > 0, self.z * (qp.u - rows), 0.0)
-        to_lower = np.where(self.z < 0, self.z * (rows - qp.l), 0.0)
+        infeasibility = np.maximum(qp.lower - rows, rows - qp.upper).clip(min=0.0)
+        to_upper = np.where(self.z > 0, self.z * (qp.upper - rows), 0.0)
+        to_lower = np.where(self.z < 0, self.z * (rows - qp.lower), 0.0)
         parts = (stationarity, infeasibility, to_upper, to_lower)
         return max((float(np.abs(part).max()) for part in parts if part.size), default=0.0)
 
@@ -152,11 +152,13 @@ class ProxqpWorkspace:
             return broken(self._n, self._m, start)
         if self._qp is None:
             self._qp = _solver(self._n, self._m, self._settings)
-            self._qp.init(qp.H, qp.g, None, None, qp.C, qp.l, qp.u)
+            self._qp.init(qp.H, qp.g, None, None, qp.C, qp.lower, qp.upper)
         elif same_hessian:
-            self._qp.update(g=qp.g, C=qp.C, l=qp.l, u=qp.u)
+            self._qp.update(g=qp.g, C=qp.C, l=qp.lower, u=qp.upper)
         else:
-            self._qp.update(H=qp.H, g=qp.g, C=qp.C, l=qp.l, u=qp.u, update_preconditioner=True)
+            self._qp.update(
+                H=qp.H, g=qp.g, C=qp.C, l=qp.lower, u=qp.upper, update_preconditioner=True
+            )
         self._qp.solve()
         solution = _solution(self._qp.results, start)
         if solution.status is not QpStatus.SOLVED:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from arm3dof.control.bounds import POSITION, TORQUE, VELOCITY, Bounds
 from arm3dof.control.box import solve_box
-from arm3dof.control.optimum import IDLE, Optimum
+from arm3dof.control.optimum import Optimum
 from arm3dof.control.program import Program
 from arm3dof.control.qp import UNBOUNDED, QpSettings, QpStatus
 from arm3dof.control.working_set import WorkingSet, limited
@@ -44,6 +44,7 @@ _COLD_TORQUE_ERROR = 1e-4  # without a last plan there is no next step that woul
 _MOST_COLD_TANGENTS = 8
 _FIRST_SHARE = 1 / 6  # of the motion, in the first step of the continuation
 _LEAST_SHARE = 1 / 40
+_IDLE = 1e-9  # a multiplier below this share of the largest did not matter
 
 _LEAST_TORQUE = 1e-9  # [N m]: a limit of zero, for the purpose of relative errors
 
@@ -241,8 +242,9 @@ class ProgramSolver:
 
 
 def _pushing(optimum: Optimum) -> Likely:
+    """Return the limits whose multipliers matter."""
     z = optimum.multipliers.tolist()
-    idle = IDLE * max(z, default=0.0)
+    idle = _IDLE * max(z, default=0.0)
     limits = optimum.working.limits.tolist()
     return Likely.all_of([limit for limit, push in zip(limits, z, strict=True) if push > idle])
 

@@ -169,12 +169,13 @@ class TrackingProgram:
         offsets = shared.motion.coasting(self._q, self._v).take(linear)
         at = (which < torques).nonzero()[0]
         if at.size:
-            stack = shared.motion.stacked(self._q, self._v, w, self._disturbance)
+            motion = shared.motion(self._q, self._v, w)
             stage, joint = np.divmod(which[at], nv)
-            asked = np.zeros(stack.shape[1], dtype=np.bool_)
+            asked = np.zeros(len(motion.u), dtype=np.bool_)
             asked[stage] = True
             place = (asked.cumsum() - 1)[stage]
-            torque, by_motion = shared.torque.linearise(*stack[3:].take(asked.nonzero()[0], axis=1))
+            parts = motion.q_middle, motion.v_middle, motion.u
+            torque, by_motion = shared.torque.linearise(*(part[asked] for part in parts))
             by_decision = shared.to_middle[stage] @ by_motion[place, joint]
             slopes[at] = by_decision.reshape(at.size, -1)
             offsets[at] = (torque - self._disturbance)[place, joint] - slopes[at].dot(w)

@@ -28,9 +28,8 @@ _CLOUD = 6000  # samples of the reachable region
 _ASIDE = 1.3  # [rad]: the view holds the arm stretched out to each side
 _VISIBLE = 1e-4  # [rad, m]: what moved less looks the same, and its picture may rest
 _SAME = 1e-10  # [rad, m]: but in the end all is where it is, to the last digits
-_SETTLED = (
-    100  # frames after which a change that nobody sees is drawn as well: 3 s, then ever rarer
-)
+# frames after which a change that nobody sees is drawn as well: 3 s, and from then on ever rarer
+_SETTLED = 100
 _AHEAD = (GHOST[:3], (0.10, 0.20))  # colour of the plan's ghosts, and their opacities
 _NEAR = 0.02  # [rad]: a plan that leads no farther is not worth a ghost
 _WXYZ = (0, 1, 2, 4, 5, 6, 3)  # MuJoCo's order of a pose, to Pinocchio's

@@ -361,7 +361,7 @@ class Studio:
         """
         try:
             self._show_frames()
-        except Exception:
+        except Exception:  # whatever it is: nobody else hears of what ends this thread
             _LOGGER.exception(_BROKEN)
             with self.live.changed:
                 self._failure = feed.FAILURE + _BROKEN.encode()
