@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,11 @@ def _fits(have: tuple[int, ...], want: tuple[int | None, ...]) -> bool:
     )
 
 
+def _finite(vector: Array) -> bool:
+    """Say whether all numbers of a vector are finite: its square is, but where that overflows."""
+    return math.isfinite(vector.dot(vector)) or bool(np.isfinite(vector).all())
+
+
 def finite_vector(values: ArrayLike, size: int, name: str) -> Array:
     """Copy an argument into a read-only vector of finite numbers, shape (size,).
 
@@ -47,7 +53,7 @@ def finite_vector(values: ArrayLike, size: int, name: str) -> Array:
         InputError: it has another shape, or holds NaN or infinity.
     """
     vector = frozen_array(values, size, name=name)
-    if not np.isfinite(vector).all():
+    if not _finite(vector):
         raise InputError(f"{name} is {vector.tolist()}; give finite numbers")
     return vector
 
@@ -88,4 +94,4 @@ class JointState:
     @property
     def is_finite(self) -> bool:
         """Whether every number in the state is finite."""
-        return bool(np.isfinite(self.q).all() and np.isfinite(self.v).all())
+        return _finite(self.q) and _finite(self.v)

@@ -5,6 +5,7 @@ import doctest
 import io
 import json
 import re
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -81,6 +82,7 @@ def sections():
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
+@cache
 def commands(group=None, prefix=""):
     """Return every command of the program by its full name."""
     found = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import cache
 from importlib.metadata import version
 from typing import Annotated
 
@@ -51,6 +52,7 @@ def root(
         output.out().print(context.get_help(), end="")
 
 
+_command = cache(typer.main.get_command)  # all the options take it a while
 _POINT = {"ignore_unknown_options": True}  # a negative coordinate is no option
 app.command()(demo.demo)
 app.command()(tasks.sort)
@@ -82,10 +84,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: the words after the program's name; those of this process when ``None``.
     """
-    command = typer.main.get_command(app)
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        code = command.main(words, prog_name="arm3dof", standalone_mode=False)
+        code = _command(app).main(words, prog_name="arm3dof", standalone_mode=False)
     except (ArmError, typer.TyperException) as error:
         return _refuse(error.format_message() if isinstance(error, typer.TyperException) else error)
     except OSError as error:

@@ -190,6 +190,7 @@ class PinocchioPlant:
         none = np.zeros(robot.nv)
         self._explicit_damping = none if stiff else self._damping
         self._implicit_damping = self._damping if stiff else none
+        self._damps = bool(self._explicit_damping.any())
         self._rubs = stiff or bool(self._friction.any())
 
     def _start_servos(self) -> None:
@@ -197,21 +198,22 @@ class PinocchioPlant:
             self._drive.reset(self.state, holding_torque(self.robot, self._q))
 
     def _acceleration(self, q: Array, v: Array, tau: Array, wrench: Array | None) -> Array:
-        net = tau - self._explicit_damping * v
+        net = tau - self._explicit_damping * v if self._damps else tau
         if wrench is not None:
             net = net + self.robot.jacobian(q).T @ wrench
         return np.array(pin.aba(self._model, self._data, q, v, net))
 
     def _runge_kutta(self, tau: Array, wrench: Array | None) -> tuple[Array, Array]:
         q, v, h = self._q, self._v, self._dt
+        half = h / 2
         a1 = self._acceleration(q, v, tau, wrench)
-        v2 = v + h / 2 * a1
-        a2 = self._acceleration(q + h / 2 * v, v2, tau, wrench)
-        v3 = v + h / 2 * a2
-        a3 = self._acceleration(q + h / 2 * v2, v3, tau, wrench)
-        v4 = v + h * a3
-        a4 = self._acceleration(q + h * v3, v4, tau, wrench)
-        return q + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+        v2 = v + half * a1
+        a2 = self._acceleration(q + half * v, v2, tau, wrench)
+        v3 = v + half * a2
+        a3 = self._acceleration(q + half * v2, v3, tau, wrench)
+        a4 = self._acceleration(q + h * v3, v + h * a3, tau, wrench)
+        middle = a2 + a3
+        return q + h * (v + h / 6 * (a1 + middle)), v + h / 6 * (a1 + 2 * middle + a4)
 
     def _leaves_range(self, q: Array) -> bool:
         limits = self.robot.limits
