@@ -226,6 +226,9 @@ def test_a_slow_machine_draws_motion_coarser_and_rest_in_full(
         wait_until(page, "quality.level === quality.levels.length - 1")
         assert page.evaluate("viewer.renderer.getPixelRatio()") < 0.5
         assert not page.evaluate(f"{sun}.castShadow")
+        page.evaluate("quality.slow = 1e6")  # and now each is in time
+        wait_until(page, "quality.level === quality.least")
+        page.evaluate("quality.slow = 0")
         page.keyboard.press("Space")
         wait_until(page, "quality.level === 0")
         # without a graphics card, smooth edges come from drawing a still picture larger
@@ -335,6 +338,41 @@ def test_the_floor_behind_a_motion_looks_as_drawn(browser: Browser, robot: Robot
         assert not page.evaluate(grab)[1]  # the floor has changed
         page.evaluate("viewer.camera.position.x += 0.1, null")
         assert page.evaluate(grab)[1] is False  # the view has turned
+
+
+def test_light_at_the_corners_looks_like_light_at_every_pixel(
+    browser: Browser, robot: Robot
+) -> None:
+    scene = Scene(robot)
+    grab = """(draw) => {
+      breath.until = 0;
+      corners.draw = draw ? drawnAtCorners : (scene, drawAll) => drawAll();
+      viewer.render();
+      const gl = viewer.renderer.getContext();
+      const pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+      gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA,
+        gl.UNSIGNED_BYTE, pixels);
+      return Array.from(pixels);
+    }"""
+    with serve(scene.window) as server, visit(browser, server.url, width=200, height=150) as opened:
+        page = opened.page
+        wait_until(page, "viewer.scene_tree.children.robot && !viewer.needs_render")
+        scene.window.post(
+            shapes.draw("/thing", shapes.sphere(0.03), shapes.material((1, 0.5, 0), "Lambert")),
+            shapes.draw("/ball", shapes.sphere(0.02), shapes.material((0, 0.5, 1, 0.5))),
+            shapes.move("/ball", [0.1, -0.1, 0.05]),
+        )
+        wait_until(page, "viewer.scene_tree.children.ball && !viewer.needs_render")
+        page.evaluate("quality.rests = () => false, quality.slow = 1e6, quality.needed = 1, null")
+        page.evaluate("viewer.set_dirty = () => {}, window.drawnAtCorners = corners.draw, null")
+        page.evaluate(grab, True)  # from now on the floor is a picture
+        pixels, at_corners = page.evaluate(grab, False), page.evaluate(grab, True)
+        apart = np.abs(np.array(pixels, int) - np.array(at_corners, int))
+        assert apart.max() > 0  # it was another way
+        assert apart.mean() < 0.5
+        assert np.percentile(apart, 99) <= 12
+        lit = "viewer.scene_tree.children.thing.children['<object>'].object.material.type"
+        assert page.evaluate(lit) == "MeshLambertMaterial"  # and all is as it was
 
 
 # ---- the wall ----------------------------------------------------------------------------------

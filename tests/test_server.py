@@ -89,6 +89,7 @@ def test_page_and_its_parts_come_from_this_server_alone(shared: LocalServer) -> 
         "/": "text/html",
         "/scene.css": "text/css",
         "/figures.js": "text/javascript",
+        "/shading.js": "text/javascript",
         "/drawing.js": "text/javascript",
         "/scene.js": "text/javascript",
         "/meshcat.js": "text/javascript",

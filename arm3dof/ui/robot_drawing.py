@@ -66,6 +66,11 @@ class RobotDrawing:
         """Return the path of a link's node."""
         return f"{self._path}/{link}"
 
+    def moves(self, link: str) -> bool:
+        """Return whether a link ever moves."""
+        frame = self._frames[self.link_names.index(link)]
+        return bool(self._model.frames[frame].parentJoint > 0)
+
     def objects(self) -> list[Command]:
         """Return the commands that draw every shape."""
         commands: list[Command] = []
@@ -132,8 +137,8 @@ class RobotDrawing:
         """Return the height of the lowest point that never moves [m]; 0 when there is none."""
         transforms = self.placements(pin.neutral(self._model))
         heights = [0.0]
-        for index, transform, box in zip(self._frames, transforms, self._outlines(), strict=True):
-            if self._model.frames[index].parentJoint == 0 and len(box):
+        for link, transform, box in zip(self.link_names, transforms, self._outlines(), strict=True):
+            if not self.moves(link) and len(box):
                 heights.append(float((box @ transform[2, :3] + transform[2, 3]).min()))
         return min(heights)
 

@@ -8,11 +8,12 @@ import numpy as np
 
 from arm3dof.state import Array
 from arm3dof.ui import shapes
-from arm3dof.ui.facets import Facets, facets
+from arm3dof.ui.facets import Facets, Piece, facets, polygons
 from arm3dof.ui.meshcat_window import Command
 from arm3dof.ui.robot_drawing import RobotDrawing
 
 _SIDES = 8  # of a cylinder: nobody looks at a ghost closely
+_SMALL = 0.2  # of its link's longest piece; nobody misses a ghost's screws
 
 
 class Ghost:
@@ -27,23 +28,21 @@ class Ghost:
             color: red, green, blue and opacity from 0 to 1.
         """
         self._drawing, self._path = drawing, path
-        self._look = shapes.material(color, "Lambert", flatShading=True)
+        self._look = shapes.material(color, "Lambert")
 
-    def objects(self, meshes: Mapping[str, Array]) -> list[Command]:
+    def objects(self, meshes: Mapping[str, shapes.Shape]) -> list[Command]:
         """Return the commands that draw it.
 
         Args:
             meshes: of ``link_meshes``.
         """
         commands: list[Command] = []
-        for link, corners in meshes.items():
-            if corners.size:
-                path = f"{self._path}/{link}/0"
-                faces = np.arange(len(corners)).reshape(-1, 3)
-                commands += [
-                    shapes.draw(path, shapes.triangles(corners, faces), self._look),
-                    shapes.set_property(f"{path}/<object>", "castShadow", False),
-                ]
+        for link, mesh in meshes.items():
+            path = f"{self._path}/{link}/0"
+            commands += [
+                shapes.draw(path, mesh, self._look),
+                shapes.set_property(f"{path}/<object>", "castShadow", False),
+            ]
         return commands
 
     def poses(self, q: Array) -> list[Command]:
@@ -56,19 +55,43 @@ class Ghost:
         return shapes.set_property(self._path, "visible", visible)
 
 
-def link_meshes(drawing: RobotDrawing) -> dict[str, Array]:
-    """Return each link as one mesh: the corners of its triangles, shape (3 n, 3) [m]."""
-    cut = facets(drawing.pieces(), _SIDES)
-    return {link: _triangles(cut, number) for number, link in enumerate(drawing.link_names)}
+def link_meshes(drawing: RobotDrawing) -> dict[str, shapes.Shape]:
+    """Return each link that moves as one mesh, which has no small pieces."""
+    pieces = drawing.pieces()
+    meshes = {}
+    for number, link in enumerate(drawing.link_names):
+        mine = [piece for piece in pieces if piece.owner == number]
+        cut = facets(_large(mine), _SIDES)
+        if len(cut.count) and drawing.moves(link):
+            meshes[link] = _mesh(cut)
+    return meshes
 
 
-def _triangles(cut: Facets, owner: int) -> Array:
-    """Return the corners of an owner's triangles, shape (3 n, 3) [m]."""
-    mine = [
-        face[:count]
-        for face, count in zip(cut.corners, cut.count, strict=True)
-        if cut.owner[face[0]] == owner
-    ]
-    fans = [(face[0], face[k], face[k + 1]) for face in mine for k in range(1, len(face) - 1)]
-    corners: Array = cut.points[np.array(fans, dtype=np.intp).ravel()]
-    return corners
+def _large(pieces: Sequence[Piece]) -> list[Piece]:
+    """Return the pieces that are worth a look."""
+    corners = [polygons(piece.shape, _SIDES)[0] for piece in pieces]
+    lengths = [np.linalg.norm(np.ptp(it, axis=0)) if len(it) else 0.0 for it in corners]
+    least = _SMALL * max(lengths, default=0.0)
+    return [piece for piece, length in zip(pieces, lengths, strict=True) if length >= least]
+
+
+def _mesh(cut: Facets) -> shapes.Shape:
+    """Return flat faces as triangles, each face with corners and a normal of its own."""
+    points, normals, triangles = [], [], []
+    total = 0
+    for face, count in zip(cut.corners, cut.count, strict=True):
+        corners = cut.points[face[:count]]
+        points.append(corners)
+        normals.append(np.tile(_normal(corners), (count, 1)))
+        triangles += [(total, total + k, total + k + 1) for k in range(1, count - 1)]
+        total += count
+    return shapes.triangles(
+        np.concatenate(points), np.array(triangles), normals=np.concatenate(normals)
+    )
+
+
+def _normal(corners: Array) -> Array:
+    """Return the unit normal of a face, shape (3,), from its corners, shape (n, 3) [m]."""
+    normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
+    result: Array = normal / max(float(np.linalg.norm(normal)), 1e-15)
+    return result

@@ -33,7 +33,8 @@ var quality = { // var: a page around this one, and tests, reach it
   ],
   slow: 40, // ms between two frames of a motion
   still: 1500, // ms without a new frame
-  level: 0, needed: software ? 1 : 0, late: 0, last: 0,
+  patience: 60, // frames in time after which a finer level is tried; twice as many after each
+  least: software ? 1 : 0, level: 0, needed: software ? 1 : 0, late: 0, timely: 0, last: 0,
 
   // To be called before each frame of a motion.
   moves() {
@@ -41,10 +42,14 @@ var quality = { // var: a page around this one, and tests, reach it
     const interval = now - this.last;
     this.last = now;
     if (interval > this.still) return; // a single picture, not a motion
-    this.late = interval > this.slow ? this.late + 1 : 0;
+    [this.late, this.timely] = interval > this.slow ? [this.late + 1, 0] : [0, this.timely + 1];
     if (this.late > 4 && this.needed < this.levels.length - 1) {
       this.needed += 1;
       this.late = 0;
+    } else if (this.timely > this.patience && this.needed > this.least) {
+      this.needed -= 1;
+      this.timely = 0;
+      this.patience *= 2;
     }
     this.set(this.needed);
   },
@@ -191,7 +196,7 @@ function merged(parent, solids) {
 const BEHIND = ["floor", "Lights"]; // nodes of the scene that make the backdrop
 
 const backdrop = {
-  picture: null, view: "", changes: 0, usable: false,
+  picture: null, pixels: null, view: "", changes: 0, usable: false,
 
   // A command that changes what lies behind lets it be drawn anew.
   heed({ path }) {
@@ -202,7 +207,8 @@ const backdrop = {
   draw(drawAll) {
     const { scene, camera, renderer } = viewer;
     const floor = viewer.scene_tree.children.floor?.object;
-    if (!software || quality.level === 0 || !floor || !scene.background) return drawAll();
+    const copies = software && renderer.capabilities.isWebGL2;
+    if (!copies || quality.level === 0 || !floor || !scene.background) return drawAll();
     viewer.controls.update();
     camera.updateMatrixWorld();
     camera.updateProjectionMatrix();
@@ -214,31 +220,56 @@ const backdrop = {
       return drawAll(); // it may turn on
     }
     if (!this.usable) this.take(width, height);
+    renderer.clear(); // first: a canvas that was shown is cleared with what comes before all else
+    this.copy(this.picture, null, width, height);
     const background = scene.background;
-    scene.background = this.picture.texture;
-    floor.visible = false;
+    scene.background = null;
+    floor.visible = renderer.autoClear = false;
     try {
       return drawAll();
     } finally {
       scene.background = background;
-      floor.visible = true;
+      floor.visible = renderer.autoClear = true;
     }
   },
 
   take(width, height) {
-    const { NearestFilter, WebGLRenderTarget } = MeshCat.THREE;
     const { scene, camera, renderer } = viewer;
-    this.picture ??= new WebGLRenderTarget(width, height, { minFilter: NearestFilter, magFilter: NearestFilter });
-    this.picture.setSize(width, height);
-    this.picture.texture.encoding = renderer.outputEncoding;
     const others = Object.entries(viewer.scene_tree.children)
       .filter(([name, { object }]) => !BEHIND.includes(name) && object.visible).map(([, { object }]) => object);
     others.forEach((object) => { object.visible = false; });
-    renderer.setRenderTarget(this.picture);
     renderer.render(scene, camera);
-    renderer.setRenderTarget(null);
     others.forEach((object) => { object.visible = true; });
+    this.resize(width, height);
+    this.copy(null, this.picture, width, height);
     this.usable = true;
+  },
+
+  resize(width, height) {
+    const gl = viewer.renderer.getContext();
+    if (!gl.isFramebuffer(this.picture)) {
+      this.picture = gl.createFramebuffer();
+      this.pixels = gl.createRenderbuffer();
+    }
+    gl.bindRenderbuffer(gl.RENDERBUFFER, this.pixels);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, width, height);
+    gl.bindRenderbuffer(gl.RENDERBUFFER, null);
+    viewer.renderer.state.bindFramebuffer(gl.FRAMEBUFFER, this.picture);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, this.pixels);
+    viewer.renderer.state.bindFramebuffer(gl.FRAMEBUFFER, null);
+  },
+
+  // Copy pixels as they are, which no shader does as fast; null is the canvas.
+  copy(from, to, width, height) {
+    const { state } = viewer.renderer;
+    const gl = viewer.renderer.getContext();
+    viewer.renderer.setRenderTarget(null);
+    state.disable(gl.SCISSOR_TEST);
+    state.bindFramebuffer(gl.READ_FRAMEBUFFER, from);
+    state.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    state.bindFramebuffer(gl.READ_FRAMEBUFFER, null);
+    state.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
   },
 };
 
@@ -270,7 +301,8 @@ function drawOnDemand() {
 }
 
 function drawWithCare() {
-  const draw = () => backdrop.draw(() => MeshCat.Viewer.prototype.render.call(viewer));
+  const drawAll = () => MeshCat.Viewer.prototype.render.call(viewer);
+  const draw = () => backdrop.draw(() => (quality.level > 0 ? corners.draw(viewer.scene, drawAll) : drawAll()));
   viewer.render = function () {
     if (performance.now() < breath.until) return; // it stays due
     breath.begin();
