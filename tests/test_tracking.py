@@ -73,14 +73,23 @@ def test_tangents_are_derivatives_of_the_true_torque_along_the_plan():
         robot = random_arm(rng)
         program, _ = program_of(robot, MpcSettings(horizon=5), rng)
         w = rng.normal(size=5 * robot.nv)
-        every = np.arange(program.values(w).size)
-        slopes, offsets = program.tangents(every, w)
-        np.testing.assert_allclose(slopes @ w + offsets, program.values(w).ravel(), atol=1e-9)
+        values = program.values(w).ravel()
+        tangents = program.tangents(np.arange(2 * values.size), w)
+        slopes = tangents.size[:, np.newaxis] * tangents.slopes
+        touching = slopes @ w + tangents.size * tangents.offsets
+        np.testing.assert_allclose(touching, np.concatenate((values, -values)), atol=1e-9)
+        gram = np.einsum("ij,ij->i", tangents.through, tangents.slopes)
+        moving = slopes.any(axis=1)
+        np.testing.assert_allclose(gram[moving], 1.0, atol=1e-9)
+        np.testing.assert_allclose(
+            tangents.through, tangents.slopes @ program.hessian_inverse, atol=1e-9
+        )
         for _ in range(3):
             way, step = rng.normal(size=w.size), 1e-5
             after, before = (program.values(w + sign * step * way) for sign in (1, -1))
             numeric = (after - before).ravel() / (2 * step)
             scale = max(np.abs(numeric).max(), 1.0)
+            numeric = np.concatenate((numeric, -numeric))
             np.testing.assert_allclose(slopes @ way, numeric, atol=1e-6 * scale)
 
 

@@ -22,23 +22,20 @@ class Bounds(NamedTuple):
     A limit is known by its place among the flattened upper limits, followed by the lower ones.
 
     Attributes:
-        low: shape (kinds, N, nv) [N m, rad, rad/s, N m].
-        high: shape (kinds, N, nv).
+        sides: all upper limits, then all lower ones with their signs turned, (2 kinds N nv,)
+            [N m, rad, rad/s, N m].
         tolerance: excess up to which a limit counts as kept, shape (kinds, N, nv).
         least: ``low - tolerance``.
         most: ``high + tolerance``.
-        sides: all upper limits, then all lower ones with their signs turned, (2 kinds N nv,).
         prices: most that a unit of violation may cost, ``UNBOUNDED`` for a hard limit, in the order
             of ``sides``.
         last_torque: torque before stage 0, which the rate counts from, shape (nv,) [N m].
     """
 
-    low: Array
-    high: Array
+    sides: Array
     tolerance: Array
     least: Array
     most: Array
-    sides: Array
     prices: Array
     last_torque: Array
 
@@ -48,9 +45,17 @@ class Bounds(NamedTuple):
         tolerance = _TOLERANCE * np.maximum(np.abs(high), 1.0)
         sides = np.concatenate([high.ravel(), -low.ravel()])
         prices = np.tile(np.repeat(price, high[0].size), 2)
-        return Bounds(
-            low, high, tolerance, low - tolerance, high + tolerance, sides, prices, last_torque
-        )
+        return Bounds(sides, tolerance, low - tolerance, high + tolerance, prices, last_torque)
+
+    @property
+    def high(self) -> Array:
+        """Upper limits, shape (kinds, N, nv)."""
+        return self.sides[: self.tolerance.size].reshape(self.tolerance.shape)
+
+    @property
+    def low(self) -> Array:
+        """Lower limits, shape (kinds, N, nv)."""
+        return -self.sides[self.tolerance.size :].reshape(self.tolerance.shape)
 
     @staticmethod
     def of(limits: Limits, tau_max: Array, soft_price: float, horizon: int) -> Bounds:
@@ -74,10 +79,10 @@ class Bounds(NamedTuple):
             change: largest change, shape (nv,) [N m].
             last_torque: torque in force now, shape (nv,) [N m].
         """
-        most = np.broadcast_to(change, (1, *self.high.shape[1:]))
+        most = np.broadcast_to(change, (1, *self.tolerance.shape[1:]))
         high = np.concatenate([self.high[:RATE], most])
         low = np.concatenate([self.low[:RATE], -most])
-        of_each_kind = self.prices[:: high[0].size][:RATE]
+        of_each_kind = self.prices[:: most.size][:RATE]
         price = np.append(of_each_kind, UNBOUNDED)
         return Bounds.between(low, high, price, last_torque)
 
@@ -91,18 +96,21 @@ class Bounds(NamedTuple):
         Args:
             v: velocities at stage 0, shape (nv,) [rad/s].
         """
-        shape, sides = self.high.shape, self.sides.copy()
-        speeds = sides.reshape(2, *shape)[:, VELOCITY]  # a view of the upper and the lower limits
-        left = _excess_left(shape[1])
-        joints = zip(v.tolist(), speeds[0, 0].tolist(), speeds[1, 0].tolist(), strict=True)
-        for joint, (speed, forth, back) in enumerate(joints):
-            if speed > forth:
-                speeds[0, :, joint] += (speed - forth) * left
-            elif -speed > back:
-                speeds[1, :, joint] += (-speed - back) * left
-        high, low = sides[: self.high.size].reshape(shape), -sides[self.high.size :].reshape(shape)
-        least, most = low - self.tolerance, high + self.tolerance
-        return Bounds(low, high, self.tolerance, least, most, sides, self.prices, self.last_torque)
+        _, horizon, nv = self.tolerance.shape
+        sides, tolerance, least, most, prices, last_torque = self
+        sides, least, most = sides.copy(), least.copy(), most.copy()
+        upper, lower = VELOCITY * horizon * nv, VELOCITY * horizon * nv + tolerance.size
+        forth, back = sides[upper : upper + nv].tolist(), sides[lower : lower + nv].tolist()
+        for joint, speed in enumerate(v.tolist()):
+            if speed > forth[joint]:
+                more = (speed - forth[joint]) * _excess_left(horizon)
+                sides[upper + joint : upper + horizon * nv : nv] += more
+                most[VELOCITY, :, joint] += more
+            elif -speed > back[joint]:
+                more = (-speed - back[joint]) * _excess_left(horizon)
+                sides[lower + joint : lower + horizon * nv : nv] += more
+                least[VELOCITY, :, joint] -= more
+        return Bounds(sides, tolerance, least, most, prices, last_torque)
 
     def cheaper(self, share: float) -> Bounds:
         """Return the bounds with a share of the price of leaving soft limits."""

@@ -24,7 +24,8 @@ from arm3dof.state import Array
 _SAME = 1e-5  # relative difference up to which a solution is made exact
 _ROUNDS = 8  # in which a guess is made better
 _LOWER, _INSIDE, _UPPER = range(3)  # at zero, between the bounds, at the upper bound
-_Cholesky, _SUCCESS = eigenpy.LLT, eigenpy.ComputationInfo.Success
+_Cholesky = eigenpy.LLT
+_OVERFLOW = 1e100  # a larger solution is none, and its square would be infinite
 _ABSURD = 1e8  # a larger guess comes from rows that are nearly dependent
 
 
@@ -34,7 +35,8 @@ class _Point(NamedTuple):
     Attributes:
         x: shape (n,).
         z: the bounds' multipliers, shape (n,); positive where the upper one pushes.
-        error: norm of H x + g + z, all that is left to prove; infinite if its places are not right.
+        error: norm of H x + g + z, all that is left to prove; infinite or NaN if its places
+            cannot be right.
     """
 
     x: Array
@@ -53,6 +55,9 @@ def solve_box(
         u: upper bounds, shape (n,).
         inside: which variables are guessed to be inside their bounds, n of them.
         settings: accuracy and effort.
+
+    Returns:
+        A solution whose ``x`` keeps the bounds, unless it is NaN.
     """
     start, n = time.perf_counter(), g.size
     guess = _guess(H, g, u, inside)
@@ -71,6 +76,7 @@ def solve_box(
     point = _from_places(H, g, u, places)
     if np.abs(point.x - x).max() <= _SAME * max(float(np.abs(x).max()), 1.0):
         x = point.x  # the places are known, and with them every digit
+    x = np.minimum(np.maximum(x, 0.0), u)
     return QpSolution(x, point.z, status, time.perf_counter() - start)
 
 
@@ -83,8 +89,8 @@ def _guess(H: Array, g: Array, u: Array, inside: Iterable[bool]) -> _Point:
     places, most = [_INSIDE if guessed else _LOWER for guessed in inside], u.tolist()
     first = point = _from_places(H, g, u, places)
     for _ in range(_ROUNDS):
-        known = zip(places, point.x.tolist(), point.z.tolist(), most, strict=True)
-        better = [_better_place(*variable) for variable in known]
+        known = zip((point.x + point.z).tolist(), most, strict=True)
+        better = [_UPPER if at > u else _LOWER if at <= 0.0 else _INSIDE for at, u in known]
         if better == places:
             return point
         places = better
@@ -97,14 +103,6 @@ def _guess(H: Array, g: Array, u: Array, inside: Iterable[bool]) -> _Point:
     return _Point(x, z, math.inf)
 
 
-def _better_place(place: int, x: float, z: float, u: float) -> int:
-    """Return where a variable is better looked for; where it is if nothing speaks against it."""
-    if place == _INSIDE:
-        return _UPPER if x > u else _LOWER if x < 0.0 else _INSIDE
-    leaves = z > 0.0 if place == _LOWER else z < 0.0
-    return _INSIDE if leaves else place
-
-
 def _from_places(H: Array, g: Array, u: Array, places: Sequence[int]) -> _Point:
     """Return the point at which known variables are at known bounds.
 
@@ -114,22 +112,24 @@ def _from_places(H: Array, g: Array, u: Array, places: Sequence[int]) -> _Point:
         u: upper bounds, shape (n,).
         places: of each variable: inside its bounds, at zero, or at its upper bound.
     """
-    x = np.zeros(g.size)
+    n = g.size
+    x, pull = np.zeros(n), g
     if _UPPER in places:
         at = [i for i, place in enumerate(places) if place == _UPPER]
         x[at] = u[at]
-    k = np.array([i for i, place in enumerate(places) if place == _INSIDE], dtype=np.intp)
+        pull = H.dot(x) + g
+    if _INSIDE not in places:
+        return _Point(x, -pull, 0.0)
     try:
-        if k.size == g.size:
+        if places.count(_INSIDE) == n:
             x = _solve(H, -g)
-            return _Point(x, np.zeros(g.size), _norm(H.dot(x) + g))
-        if k.size:
-            rows = H.take(k, 0)
-            x[k] = _solve(rows.take(k, 1), -g[k] - rows.dot(x))
+            return _Point(x, np.zeros(n), _norm(H.dot(x) + g))
+        k = np.array([i for i, place in enumerate(places) if place == _INSIDE], dtype=np.intp)
+        x[k] = _solve(H.take(k, 0).take(k, 1), -pull.take(k))
     except np.linalg.LinAlgError:  # such places cannot be right
-        return _Point(np.zeros(g.size), np.zeros(g.size), math.inf)
+        return _Point(np.zeros(n), np.zeros(n), math.inf)
     z = -(H.dot(x) + g)
-    error = _norm(z[k])
+    error = _norm(z.take(k))
     z[k] = 0.0
     return _Point(x, z, error)
 
@@ -137,13 +137,16 @@ def _from_places(H: Array, g: Array, u: Array, places: Sequence[int]) -> _Point:
 def _solve(H: Array, right: Array) -> Array:
     """Return H^-1 right of a positive definite H; less than half the time of numpy's ``solve``.
 
+    What is returned of another H solves nothing, if anything is returned.
+
     Raises:
-        numpy.linalg.LinAlgError: H is not positive definite.
+        numpy.linalg.LinAlgError: H is so nearly singular that numbers overflow.
     """
-    factor = _Cholesky(H)
-    if factor.info() != _SUCCESS:
-        raise np.linalg.LinAlgError("not positive definite")
-    return np.asarray(factor.solve(right).ravel())  # of one row it makes a matrix
+    x = np.asarray(_Cholesky(H).solve(right).ravel())  # of one row it makes a matrix
+    numbers = x.tolist()
+    if not (min(numbers) > -_OVERFLOW and max(numbers) < _OVERFLOW):
+        raise np.linalg.LinAlgError("singular")
+    return x
 
 
 def _norm(values: Array) -> float:

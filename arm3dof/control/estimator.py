@@ -55,6 +55,7 @@ class StateEstimator:
             noise: standard deviation of measured positions [rad]; ``None`` to learn it.
         """
         self._nv, self._dt, self._learning, self._given = nv, dt, learning, noise
+        self._gains, self._share = gains(dt, learning, 1), learning / dt
         # a surprise is read from the most telling measurements: [q, v], or [mean, slope]
         self._telling = {2: (2 / dt**2, 1 / dt), 4: (6 / dt**2, 2 / dt)}
         self._readings, self._first_time = np.empty((_MOST, nv)), 0.0
@@ -118,64 +119,70 @@ class StateEstimator:
         sample = zip(self.q.tolist(), self.v.tolist(), pushed, q_now, v_now, strict=True)
         new = [(q1 - q - dt * (v + half * a), v1 - v - dt * a) for q, v, a, q1, v1 in sample]
         if max(self._noise) < _NEGLIGIBLE:
-            return self._believe(state, new)
-        telling, count = new, 1
-        if readings is not None:
-            count = len(readings)
-            seen = sensor(dt, count)
-            led = np.stack((q_now, v_now, pushed))
-            led[:2] -= np.transpose(new)
-            expected = seen.of_state[2:] @ led
-            telling = (seen.summary @ readings - expected).T.tolist()
-            new = [(*own, *more) for own, more in zip(new, telling, strict=True)]
-        table = gains(dt, self._learning, count)
-        rows = self._rows(telling, table)
-        if not any(rows):  # the first row believes what is measured
-            return self._believe(state, new)
-        estimates = [
-            (
-                q - e[0] + sum(map(mul, to_q, e)),
-                v - e[1] + sum(map(mul, to_v, e)),
-                sum(map(mul, to_lasting, e)),
-            )
-            for q, v, e, (to_q, to_v, to_lasting) in zip(
-                q_now, v_now, new, map(table.gain.__getitem__, rows), strict=True
-            )
-        ]
-        q, v, lasting = zip(*estimates, strict=True)
-        self.q, self.v = np.array(q), np.array(v)
-        return list(lasting)
+            self.q, self.v = state.q, state.v
+            return [self._share * fast for _, fast in new]
+        if readings is None:
+            return self._filter(state, new, self._gains)
+        seen = sensor(dt, len(readings))
+        led = np.stack((q_now, v_now, pushed))
+        led[:2] -= np.transpose(new)
+        telling = (seen.summary @ readings - seen.of_state[2:] @ led).T.tolist()
+        more = [(*own, *others) for own, others in zip(new, telling, strict=True)]
+        return self._filter(state, more, gains(dt, self._learning, len(readings)))
 
-    def _believe(self, state: JointState, new: Sequence[tuple[float, ...]]) -> list[float]:
-        """Take a measurement as it is; return each joint's acceleration that is expected to last.
+    def _filter(
+        self, state: JointState, new: Sequence[tuple[float, ...]], table: Gains
+    ) -> list[float]:
+        """Correct the estimate by what was not expected, and be surprised by it.
 
         Args:
             state: the measurement.
-            new: innovations, of each joint that of its position, of its velocity, and others.
-        """
-        self.q, self.v = state.q, state.v
-        share = self._learning / self._dt
-        return [share * innovations[1] for innovations in new]
+            new: innovations, of each joint that of its position, of its velocity, and others; the
+                last two tell most of a surprise.
+            table: what they are worth.
 
-    def _rows(self, telling: Iterable[tuple[float, float]], table: Gains) -> list[int]:
-        """Return each joint's row of the table, and be surprised by the telling innovations."""
-        rows, surprises, per_sample = [], [], self._dt**-2
-        far, fast = self._telling[len(table.gain[0][0])]
-        joints = zip(telling, self._noise, self._surprise, strict=True)
-        for (first, second), noise, surprise in joints:
+        Returns:
+            Each joint's acceleration that is expected to last [rad/s^2].
+        """
+        edges, believes, per_sample = table.edges, True, self._dt**-2
+        far, fast = self._telling[len(new[0])]
+        positions, velocities, lasting, surprises = [], [], [], []
+        joints = zip(
+            state.q.tolist(), state.v.tolist(), new, self._noise, self._surprise, strict=True
+        )
+        for q, v, innovations, noise, surprise in joints:
             scale = noise * per_sample
-            row = bisect_left(table.edges, scale / surprise)
-            spread, likely = table.telling[row], _SURPRISING * surprise
-            beyond = max(
-                far * (abs(first) - likely * spread[0]), fast * (abs(second) - likely * spread[1])
-            )
-            if beyond > surprise:
-                surprise = beyond
-                row = bisect_left(table.edges, scale / surprise)
-            rows.append(row)
-            surprises.append(max(_CALMING * surprise, _LEAST_SURPRISE))
+            row = bisect_left(edges, scale / surprise)
+            (spread, spread_rate), likely = table.telling[row], _SURPRISING * surprise
+            distance = far * (abs(innovations[-2]) - likely * spread)
+            speed = fast * (abs(innovations[-1]) - likely * spread_rate)
+            if distance > surprise or speed > surprise:
+                surprise = max(distance, speed)
+                row = bisect_left(edges, scale / surprise)
+            calmer = _CALMING * surprise
+            surprises.append(calmer if calmer > _LEAST_SURPRISE else _LEAST_SURPRISE)
+            if row == 0:  # it believes what is measured
+                positions.append(q)
+                velocities.append(v)
+                lasting.append(self._share * innovations[1])
+                continue
+            believes = False
+            to_q, to_v, to_lasting = table.gain[row]
+            if len(innovations) == 2:  # the usual case, written out
+                far_off, too_fast = innovations
+                positions.append(q - far_off + to_q[0] * far_off + to_q[1] * too_fast)
+                velocities.append(v - too_fast + to_v[0] * far_off + to_v[1] * too_fast)
+                lasting.append(to_lasting[0] * far_off + to_lasting[1] * too_fast)
+            else:
+                positions.append(q - innovations[0] + sum(map(mul, to_q, innovations)))
+                velocities.append(v - innovations[1] + sum(map(mul, to_v, innovations)))
+                lasting.append(sum(map(mul, to_lasting, innovations)))
         self._surprise = surprises
-        return rows
+        if believes:
+            self.q, self.v = state.q, state.v
+        else:
+            self.q, self.v = np.array(positions), np.array(velocities)
+        return lasting
 
     def _sample(self, state: JointState) -> Array | None:
         """Return the readings of a sample, shape (count, nv), if they are many and evenly spaced.
@@ -204,8 +211,7 @@ class StateEstimator:
 
     def _learn_from_gap(self, gap: Iterable[float], u: list[float]) -> None:
         """Learn the noise from how far a position is from where the velocities lead."""
-        fastest, hardest = max(map(abs, self.v.tolist())), max(map(abs, u))
-        hardest, fastest = hardest / _SLOW[0], fastest / _SLOW[1]
+        hardest, fastest = max(map(abs, u)) / _SLOW[0], max(map(abs, self.v.tolist())) / _SLOW[1]
         weight = 1.0 / (1.0 + hardest * hardest + fastest * fastest) ** 2
         self._weight = _GAP_MEMORY * self._weight + weight
         share = weight / (self._weight + 1.0)  # 1: the belief that there is none, to begin with

@@ -28,20 +28,21 @@ _SAME = 5e-3  # a smaller change of s, or of m as a share of the most, is not ta
 
 
 class LoadEstimator:
-    """Estimates the load and the mass error, and gives them to the believed robot.
+    """Estimates the load and the mass error, and teaches them to a robot.
 
     Attributes:
         load: estimated mass at the tool beyond the nominal model [kg].
         mass_error: estimated relative error of all masses.
     """
 
-    def __init__(self, nominal: Robot) -> None:
-        """Create an estimator that believes the nominal robot.
+    def __init__(self, robot: Robot) -> None:
+        """Create an estimator.
 
         Args:
-            nominal: the robot as its description says it is.
+            robot: the robot that is taught, as nominal as it is now; the controller's own.
         """
-        self._nominal = nominal.clone()
+        self._inertias = robot.model.inertias
+        self._nominal = nominal = robot.clone()
         self._unit = nominal.with_payload((nominal.payload.mass if nominal.payload else 0.0) + 1.0)
         masses, with_unit = _parameters(self._nominal), _parameters(self._unit)
         # bodies are linear in the two unknowns: 1 + s of their masses, m of what a unit load adds
@@ -50,7 +51,7 @@ class LoadEstimator:
         self._unit_data = self._unit.model.createData()
         limits = nominal.limits
         scale = np.where(limits.tau_max > 0, limits.tau_max, 1.0)
-        self._weights = (1.0 / (_TORQUE_NOISE * scale)).tolist()
+        self._weights = ((_TORQUE_NOISE * scale) ** -2.0).tolist()
         self._damping = nominal.damping.tolist()
         per_kilogram = max(float((self._heaviest() / scale).max()), 1e-6)
         self._most_load = 1.0 / per_kilogram
@@ -65,7 +66,7 @@ class LoadEstimator:
     def reset(self) -> None:
         """Forget the past."""
         self.load, self.mass_error = 0.0, 0.0
-        self._yy = self._ys = self._ss = self._yr = self._sr = 0.0
+        self._normal = (0.0,) * 5
 
     def unexplained(self, q: Array, v: Array, a: Array, tau: Array) -> list[float]:
         """Return the torque of a motion that the nominal robot leaves open, joint by joint [N m].
@@ -88,32 +89,30 @@ class LoadEstimator:
     def learn(self) -> None:
         """Learn from the motion that ``unexplained`` was asked about last."""
         # the normal equations of the two unknowns, in noise units; small enough to write out
-        self._yy *= _FORGET
-        self._ys *= _FORGET
-        self._ss *= _FORGET
-        self._yr *= _FORGET
-        self._sr *= _FORGET
+        yy, ys, ss, yr, sr = self._normal
+        yy, ys, ss, yr, sr = _FORGET * yy, _FORGET * ys, _FORGET * ss, _FORGET * yr, _FORGET * sr
         for (y, s, r), weight in zip(self._motion, self._weights, strict=True):
-            y, s, r = weight * y, weight * s, weight * r
-            self._yy += y * y
-            self._ys += y * s
-            self._ss += s * s
-            self._yr += y * r
-            self._sr += s * r
-        yy, ss = self._yy + self._load_prior, self._ss + self._error_prior
-        determinant = yy * ss - self._ys * self._ys
-        load = (ss * self._yr - self._ys * self._sr) / determinant
-        error = (yy * self._sr - self._ys * self._yr) / determinant
+            weighed_y, weighed_s = weight * y, weight * s
+            yy += weighed_y * y
+            ys += weighed_y * s
+            ss += weighed_s * s
+            yr += weighed_y * r
+            sr += weighed_s * r
+        self._normal = yy, ys, ss, yr, sr
+        yy, ss = yy + self._load_prior, ss + self._error_prior
+        determinant = yy * ss - ys * ys
+        load = (ss * yr - ys * sr) / determinant
+        error = (yy * sr - ys * yr) / determinant
         self.load = min(max(load, 0.0), self._most_load)
         self.mass_error = min(max(error, _MASS_ERROR_RANGE[0]), _MASS_ERROR_RANGE[1])
 
-    def explained(self) -> list[float]:
-        """Return the torque of the last motion that load and mass error explain [N m]."""
+    def left(self) -> list[float]:
+        """Return what the taught load and mass error leave of ``unexplained`` [N m]."""
         load, error = self._taught
-        return [load * y + error * s for y, s, _ in self._motion]
+        return [r - load * y - error * s for y, s, r in self._motion]
 
-    def teach(self, robot: Robot) -> bool:
-        """Give what was learned to a robot that belongs to the controller alone.
+    def teach(self) -> bool:
+        """Give what was learned to the robot.
 
         Returns:
             Whether it differs from what was taught last by enough to matter.
@@ -125,9 +124,8 @@ class LoadEstimator:
         self._taught = new
         unknowns = np.array((1 + self.mass_error, self.load))
         bodies = self._by_unknown.dot(unknowns).reshape(-1, _PARAMETERS)
-        inertias = robot.model.inertias
         for joint in range(1, len(bodies)):  # joint 0 is the world
-            inertias[joint] = pin.Inertia.FromDynamicParameters(bodies[joint])
+            self._inertias[joint] = pin.Inertia.FromDynamicParameters(bodies[joint])
         return True
 
     def _heaviest(self) -> Array:

@@ -58,7 +58,7 @@ class MotionMap:
         by_cause = np.zeros((6, horizon, self.by_decision.shape[2] + 3))
         by_cause[1:, :, :-3], by_cause[1:, :, -3:-1] = self.by_decision, by_state
         by_cause[0, :, -1] = 1.0
-        self._coasting = by_state[:2].reshape(2 * horizon, 2)
+        self._by_state = by_state
         self._by_cause = by_cause.reshape(6 * horizon, -1)
 
     def __call__(self, q: Array, v: Array, w: Array) -> Motion:
@@ -71,9 +71,20 @@ class MotionMap:
         """
         return Motion(*self.stacked(q, v, w, np.zeros(q.size))[1:])
 
-    def coasting(self, q: Array, v: Array) -> Array:
-        """Return positions and velocities at stages 1..N without acceleration, (2 N, nv)."""
-        return np.asarray(self._coasting.dot(np.concatenate((q, v)).reshape(2, -1)))
+    def slopes(self, nv: int) -> tuple[Array, Array]:
+        """Return the derivatives of positions and velocities at stages 1..N of all joints.
+
+        Args:
+            nv: number of joints.
+
+        Returns:
+            That by the decisions, shape (2 N nv, n), and that by [q; v] at stage 0, (2 N nv, 2 nv).
+        """
+        both = []
+        for of_a_joint in (self.by_decision[:2], self._by_state[:2]):
+            slopes = np.einsum("ckb,ij->ckibj", of_a_joint, np.eye(nv))
+            both.append(np.ascontiguousarray(slopes).reshape(slopes[..., 0, 0].size, -1))
+        return both[0], both[1]
 
     def stacked(self, q: Array, v: Array, w: Array, first: Array) -> Array:
         """Return the parts of a motion after one that is the same at all stages, (6, N, nv).

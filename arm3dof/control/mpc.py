@@ -254,12 +254,12 @@ class MpcController:
         decided, states = program.accelerations(optimum.w), optimum.states
         if decided is None:
             decided = np.diff(states[1], axis=0, prepend=state.v[np.newaxis]) / self.dt
-        u = np.concatenate((decided, decided[-1:]))
-        return Plan(u, (state.q, state.v), states)
+            decided = np.concatenate((decided, decided[-1:]))
+        return Plan(decided, (state.q, state.v), states)
 
     def _is_plausible(self, state: JointState) -> bool:
         joints = zip(state.q.tolist(), state.v.tolist(), self._believable, strict=True)
-        return all(low <= q <= high and abs(v) <= most for q, v, (low, high, most) in joints)
+        return all(low <= q <= high and abs(v) <= fastest for q, v, (low, high, fastest) in joints)
 
     def _within_rate(self, optimum: Optimum) -> Array:
         """Return the torque of stage 0; a limit of its change holds to the last digit."""

@@ -9,7 +9,7 @@ will be when a command that is computed now begins to act.
 from __future__ import annotations
 
 from collections import deque
-from operator import gt
+from operator import add, gt
 
 import numpy as np
 
@@ -69,7 +69,7 @@ class Observer:
         nothing = np.zeros(self._robot.nv)
         self.disturbance = nothing
         self.estimator.reset()
-        self.estimator.teach(self._robot)
+        self.estimator.teach()
         self.filter.reset()
         # acceleration and torque of the commands that act or are on their way, oldest first
         length = self._whole + 2
@@ -109,13 +109,14 @@ class Observer:
         lasting = self.filter.update(u, gap, state)
         if self._gain == 0:
             return False
+        gain = self._gain
         positions = zip(q.tolist(), self.filter.q.tolist(), strict=True)
         velocities = zip(v.tolist(), self.filter.v.tolist(), strict=True)
         accelerations = zip(u.tolist(), lasting, strict=True)
         return self._learn(
             np.array([0.5 * (start + end) for start, end in positions]),
             np.array([0.5 * (start + end) for start, end in velocities]),
-            np.array([meant + more / self._gain for meant, more in accelerations]),
+            np.array([meant + more / gain for meant, more in accelerations]),
             torque,
         )
 
@@ -156,18 +157,17 @@ class Observer:
         if any(map(gt, map(abs, unexplained), self._absurd)):
             self.jumped = True  # no load or push does this: the measurements do not belong together
             return False
-        explained = self.estimator.explained()
-        torques = zip(unexplained, explained, self.disturbance.tolist(), strict=True)
-        surprise = [r - known + disturbance for r, known, disturbance in torques]
+        left = self.estimator.left()
+        surprise = list(map(add, left, self.disturbance.tolist()))
         if self._leans(q, acceleration, surprise):
             taught = False
         else:
             self.estimator.learn()
-            taught = self.estimator.teach(self._robot)
+            taught = self.estimator.teach()
         gain, learned = self._gain, self.disturbance.tolist()
         if taught:  # what is explained from now on is no longer a disturbance, and the reverse
-            changes = zip(learned, explained, self.estimator.explained(), strict=True)
-            learned = [d + (after - before) for d, before, after in changes]
+            changes = zip(learned, left, self.estimator.left(), strict=True)
+            learned = [d + (before - after) for d, before, after in changes]
         joints = zip(learned, surprise, self._tau_max, strict=True)
         learned = [min(max(d - gain * more, -most), most) for d, more, most in joints]
         self.disturbance = np.array(learned)

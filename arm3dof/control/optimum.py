@@ -24,7 +24,7 @@ class Optimum(NamedTuple):
         status: how the solve ended.
         softened: whether a velocity or joint limit is exceeded.
         working: the limits that were considered.
-        multipliers: z of these limits.
+        multipliers: z of the working set's rows.
         torque_error: largest error of a tangent that stands in for a torque, as a share of the
             torque's limit.
         program: the program that was solved.
@@ -66,8 +66,9 @@ class Optimum(NamedTuple):
         """
         working, z = self.working, self.multipliers
         gradient = self.program.hessian @ (self.w - self.program.w_free) + working.C.T @ z
-        slack = working.b - working.C @ self.w
-        unpaid = np.where(working.price < UNBOUNDED, 1 - z / working.price, 1.0)
+        z, slack = z / working.size, working.slack(self.w)
+        price = self.bounds.prices[working.limits]
+        unpaid = np.where(price < UNBOUNDED, 1 - z / price, 1.0)
         others = self.bounds.excess(self.values)
         if self.program.fixed is not None:
             others[:, : VELOCITY + 1][:, self.program.fixed] = 0.0
@@ -83,11 +84,12 @@ class Optimum(NamedTuple):
         """
         program, bounds, count = self.program, self.bounds, self.values.size
         every = np.arange(count)
-        all_upper = WorkingSet.of(program, bounds, every, self.w)
-        C, at_zero = all_upper.C, bounds.high.ravel() - all_upper.b
-        own, which, sign = self.working.C, self.working.which, self.working.sign
+        C, at_zero = WorkingSet.of(program, bounds, every, self.w).affine()
+        lower, which = np.divmod(self.working.limits, count)
+        sign = 1.0 - 2.0 * lower
+        own, own_at_zero = self.working.affine()
         C[which] = sign[:, np.newaxis] * own
-        at_zero[which] = sign * (self.working.sides - self.working.b)
+        at_zero[which] = sign * own_at_zero
         reached = C.any(axis=1)
         low, high = bounds.low.ravel() - at_zero, bounds.high.ravel() - at_zero
         gradient = -program.hessian @ program.w_free

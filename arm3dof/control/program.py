@@ -7,12 +7,41 @@ can keep them, and left as little as possible when it cannot. So the program is 
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm3dof.state import Array
+
+
+class Tangents(NamedTuple):
+    """Tangents of limited values, each in units of its size: ``slopes @ w + offsets``.
+
+    They grow towards the limit: those of values with a lower limit have their signs turned. The
+    size, sqrt(c' H^-1 c) of a slope c, is what makes the diagonal of the program's dual one.
+
+    Attributes:
+        slopes: shape (k, n).
+        offsets: shape (k,).
+        through: ``slopes @ H^-1``, shape (k, n).
+        size: shape (k,).
+    """
+
+    slopes: Array
+    offsets: Array
+    through: Array
+    size: Array
+
+    @staticmethod
+    def scaled(slopes: Array, offsets: Array, program: Program) -> Tangents:
+        """Return tangents whose slopes and offsets are not yet divided by their size."""
+        through = slopes.dot(program.hessian_inverse)
+        if program.refine:
+            through += (slopes - through @ program.hessian) @ program.hessian_inverse
+        size = np.sqrt(np.einsum("ij,ij->i", through, slopes))
+        scale = (1.0 / np.where(size > 0.0, size, 1.0))[:, np.newaxis]  # one that is fixed stays
+        return Tangents(scale * slopes, scale[:, 0] * offsets, scale * through, 1.0 / scale[:, 0])
 
 
 class Program(Protocol):
@@ -42,21 +71,19 @@ class Program(Protocol):
     def values(self, w: Array) -> Array:
         """Return torques, positions and velocities, shape (3, N, nv)."""
 
-    def tangents(self, which: NDArray[np.intp], w: Array) -> tuple[Array, Array]:
-        """Return the tangents of some values, ``slopes @ w + offsets``.
+    def tangents(self, limits: NDArray[np.intp], w: Array) -> Tangents:
+        """Return the tangents of some limited values.
 
         Args:
-            which: their places among the flattened values, shape (k,).
+            limits: their places among the upper limits of the flattened values, followed by the
+                lower ones, shape (k,).
             w: where the tangents touch, shape (n,).
-
-        Returns:
-            Slopes (k, n) and offsets (k,).
         """
 
     def accelerations(self, w: Array) -> Array | None:
-        """Return the accelerations of stages 0..N-1 if they are what is decided, shape (N, nv).
+        """Return the accelerations of stages 0..N-1, the last twice, if they are what is decided.
 
-        ``None`` says that they have to be read from the velocities.
+        Their shape is (N + 1, nv). ``None`` says that they have to be read from the velocities.
         """
 
     def gentler(self, share: float) -> Program:
@@ -115,9 +142,12 @@ class LinearProgram:
         """See ``Program.values``."""
         return np.asarray((self._slopes @ w).reshape(self._offsets.shape) + self._offsets)
 
-    def tangents(self, which: NDArray[np.intp], w: Array) -> tuple[Array, Array]:
+    def tangents(self, limits: NDArray[np.intp], w: Array) -> Tangents:
         """See ``Program.tangents``: every value is its own tangent."""
-        return self._slopes[which], self._offsets.ravel()[which]
+        lower, which = np.divmod(limits, self._offsets.size)
+        sign = 1.0 - 2.0 * lower
+        slopes = sign[:, np.newaxis] * self._slopes[which]
+        return Tangents.scaled(slopes, sign * self._offsets.ravel()[which], self)
 
     def accelerations(self, w: Array) -> Array | None:
         """See ``Program.accelerations``."""

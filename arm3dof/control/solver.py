@@ -29,7 +29,7 @@ from arm3dof.control.bounds import POSITION, TORQUE, VELOCITY, Bounds
 from arm3dof.control.box import solve_box
 from arm3dof.control.optimum import Optimum
 from arm3dof.control.program import Program
-from arm3dof.control.qp import UNBOUNDED, QpSettings, QpStatus
+from arm3dof.control.qp import QpSettings, QpStatus
 from arm3dof.control.working_set import WorkingSet, limited
 from arm3dof.state import Array
 
@@ -99,8 +99,10 @@ class ProgramSolver:
         """
         limits = self._likely.limits
         if limits:
-            moved = [limit - nv for limit in limits if limit // nv % horizon > 0]
-            moved += [limit for limit in limits if limit // nv % horizon == horizon - 1]
+            last = horizon - 1
+            stages = [limit // nv % horizon for limit in limits]
+            moved = [limit - nv for limit, stage in zip(limits, stages, strict=True) if stage]
+            moved += [limit for limit, stage in zip(limits, stages, strict=True) if stage == last]
             known = set(moved)
             stayed = [limit for limit in limits if limit not in known] if moved else []
             self._likely = Likely(moved + stayed, len(moved))
@@ -165,8 +167,8 @@ class ProgramSolver:
         """Solve the program with tangents at w; add the limits that are broken until none is."""
         tolerance = _tolerance(program, bounds)
         if likely.limits:
-            limits = np.array(likely.limits)
-            inside = [rank < likely.pushing for rank in range(limits.size)]
+            limits, pushing = np.array(likely.limits), likely.pushing
+            inside = [True] * pushing + [False] * (limits.size - pushing)
         else:
             excess = bounds.excess(limited(program, bounds, w))
             limits = (excess > tolerance).ravel().nonzero()[0]
@@ -221,24 +223,12 @@ class ProgramSolver:
             working: its limits.
             inside: which of them are expected to push with less than their price.
         """
-        C, b, price = working.C, working.b, working.price
+        _, C, b, through, price, _, _ = working
         if not b.size:
-            return program.w_free, np.zeros(0), QpStatus.SOLVED
-        through = C.dot(program.hessian_inverse)  # faster than @ for so few rows
-        if program.refine:
-            through += (C - through @ program.hessian) @ program.hessian_inverse
-        gram = through.dot(C.T)
-        diagonal = gram.diagonal()
-        if not min(diagonal.tolist()) > 0:  # an overflow, or a row lost to rounding
-            return program.w_free, np.zeros(b.size), QpStatus.NOT_FINITE
-        scale = 1.0 / np.sqrt(diagonal)
-        gram *= scale
-        gram *= scale[:, np.newaxis]
-        most = np.minimum(price / scale, UNBOUNDED)
-        gradient = (b - C.dot(program.w_free)) * scale
-        solution = solve_box(gram, gradient, most, inside, self._settings)
-        z = np.minimum(np.maximum(solution.x * scale, 0.0), price)
-        return program.w_free - z.dot(through), z, solution.status
+            return program.w_free, b, QpStatus.SOLVED
+        gradient = b - C.dot(program.w_free)  # faster than @ for so few rows
+        solution = solve_box(through.dot(C.T), gradient, price, inside, self._settings)
+        return program.w_free - solution.x.dot(through), solution.x, solution.status
 
 
 def _pushing(optimum: Optimum) -> Likely:
@@ -308,14 +298,16 @@ def _replace_by_tangents(values: Array, working: WorkingSet, w: Array) -> float:
     Returns:
         The largest error of a torque's tangent, as a share of the torque's limit.
     """
-    _, C, b, _, which, sign, sides = working
-    places, torques = which.tolist(), values[TORQUE].size
-    if all(torques <= place < (VELOCITY + 1) * torques for place in places):
+    torques, count = values[TORQUE].size, values.size
+    which = [limit % count for limit in working.limits.tolist()]
+    if all(torques <= place < (VELOCITY + 1) * torques for place in which):
         return 0.0  # positions and velocities are their own tangents
-    flat, by_tangents = values.ravel(), sign * (C.dot(w) - b + sides)
+    flat, sides = values.ravel(), working.sides
+    slopes, at_zero = working.affine()
+    by_tangents = np.where(working.limits < count, 1.0, -1.0) * (slopes.dot(w) + at_zero)
     exact = flat[which]
     flat[which] = by_tangents
-    rows = zip(places, exact.tolist(), by_tangents.tolist(), sides.tolist(), strict=True)
+    rows = zip(which, exact.tolist(), by_tangents.tolist(), sides.tolist(), strict=True)
     apart = [
         abs(true - near) / max(abs(side), _LEAST_TORQUE)
         for place, true, near, side in rows
@@ -333,6 +325,5 @@ def _without_limits(program: Program, bounds: Bounds, values: Array, status: QpS
 
 @lru_cache(maxsize=16)
 def _no_limits(decisions: int) -> WorkingSet:
-    none = np.zeros(0)
-    limits = np.zeros(0, dtype=np.intp)
-    return WorkingSet(limits, np.zeros((0, decisions)), none, none, limits, none, none)
+    none, no_rows = np.zeros(0), np.zeros((0, decisions))
+    return WorkingSet(np.zeros(0, dtype=np.intp), no_rows, none, no_rows, none, none, none)

@@ -24,6 +24,7 @@ from arm3dof.control.formulation import (
 from arm3dof.control.horizon_torque import HorizonTorque
 from arm3dof.control.motion import MotionMap
 from arm3dof.control.prediction import condense, double_integrator, quadratic_cost
+from arm3dof.control.program import Tangents
 from arm3dof.control.reference import Reference
 from arm3dof.control.settings import MpcSettings
 from arm3dof.model.robot import Robot
@@ -39,10 +40,11 @@ class TrackingFormulation:
         hessian_inverse: H^-1, shape (n, n).
         motion: from decisions to motion.
         torque: from motion to torque.
-        slopes: derivative of positions and velocities at stages 1..N by w, shape (2 N nv, n).
+        linear: tangents of positions and velocities at stages 1..N, upper and lower limits, as
+            ``LinearTangents``.
         fixed: which values no decision reaches, shape (3, N, nv); ``None`` if there is none.
         first_stages: picks each block's first stage.
-        block_of_stage: picks each stage's decisions out of those of all blocks.
+        block_of_stage: which block's decisions each stage takes, the last stage twice, (N + 1,).
         to_middle: derivative of q_middle, v_middle and u of a joint by its own decisions,
             shape (N, decisions a joint, 3).
     """
@@ -56,7 +58,7 @@ class TrackingFormulation:
         first = np.flatnonzero(np.diff(self._blocks, prepend=-1))
         free = first.size == horizon
         self.first_stages = slice(None) if free else first
-        self.block_of_stage = slice(None) if free else self._blocks
+        self.block_of_stage = np.append(self._blocks, self._blocks[-1])
         prediction = condense(discretise(double_integrator(nv), settings), horizon)
         cost = quadratic_cost(prediction, self.weights.Q, self.weights.R, self.weights.P)
         half = blocked(cost.H, self._blocks, nv)
@@ -70,13 +72,12 @@ class TrackingFormulation:
         self._state_gain = self._gain @ prediction.C
         self.motion, self.torque = MotionMap(settings), HorizonTorque(robot, settings.dt, horizon)
         self._free = self._free_response(nv)
-        by_decision = self.motion.by_decision
-        slopes = np.einsum("ckb,ij->ckibj", by_decision[:2], np.eye(nv))
-        self.slopes = np.ascontiguousarray(slopes).reshape(2 * horizon * nv, -1)
-        self.to_middle = np.ascontiguousarray(by_decision[2:].transpose(1, 2, 0))
+        self.to_middle = np.ascontiguousarray(self.motion.by_decision[2:].transpose(1, 2, 0))
+        slopes, by_state = self.motion.slopes(nv)
         fixed = np.zeros((3, horizon, nv), dtype=np.bool_)
-        fixed[1:] = ~self.slopes.any(axis=1).reshape(2, horizon, nv)
+        fixed[1:] = ~slopes.any(axis=1).reshape(2, horizon, nv)
         self.fixed = fixed if fixed.any() else None
+        self.linear = LinearTangents(slopes, by_state, self.hessian_inverse)
 
     def reset(self) -> None:
         """Take over the robot's masses as they are now."""
@@ -108,6 +109,48 @@ class TrackingFormulation:
             stack[0] += self.torque.damping * stack[4]
             columns.append(np.concatenate((w_free, stack.ravel())))
         return np.asfortranarray(np.stack(columns, axis=1))
+
+
+class LinearTangents:
+    """The tangents of positions and velocities, which no step changes but for where they start.
+
+    Attributes:
+        is_torque: whether a limit, by its place in ``Program.tangents``, is a torque's.
+    """
+
+    def __init__(self, slopes: Array, by_state: Array, hessian_inverse: Array) -> None:
+        """Prepare the rows of all limits.
+
+        Args:
+            slopes: derivative of positions and velocities at stages 1..N by w, shape (2 N nv, n).
+            by_state: their derivative by [q; v] at stage 0, shape (2 N nv, 2 nv).
+            hessian_inverse: H^-1, shape (n, n).
+        """
+        count = len(slopes) // 2
+        through = slopes @ hessian_inverse
+        size = np.sqrt(np.einsum("ij,ij->i", through, slopes))[:, np.newaxis]
+        size[size == 0.0] = 1.0  # a value that no decision reaches
+        self._slopes, self._through, self._by_state = (
+            np.vstack([rows, -rows]) / np.vstack([size, size])
+            for rows in (slopes, through, by_state)
+        )
+        self._size = np.tile(size.ravel(), 2)
+        self.is_torque = np.tile(np.arange(3 * count) < count, 2)
+        # of a torque some row is taken, and overwritten
+        self._row = np.cumsum(~self.is_torque) - 1
+
+    def of(self, limits: NDArray[np.intp], q: Array, v: Array) -> Tangents:
+        """Return the tangents of some limits; those of torques are arbitrary.
+
+        Args:
+            limits: as for ``Program.tangents``, shape (k,).
+            q: positions at stage 0, shape (nv,) [rad].
+            v: velocities at stage 0, shape (nv,) [rad/s].
+        """
+        rows = self._row.take(limits)
+        slopes, through = self._slopes.take(rows, axis=0), self._through.take(rows, axis=0)
+        offsets = self._by_state.take(rows, axis=0).dot(np.concatenate((q, v)))
+        return Tangents(slopes, offsets, through, self._size.take(rows))
 
 
 class TrackingProgram:
@@ -159,31 +202,38 @@ class TrackingProgram:
         shared.torque.add(stack[3], stack[4], stack[5], values[0], damping=free is None)
         return values
 
-    def tangents(self, which: NDArray[np.intp], w: Array) -> tuple[Array, Array]:
+    def tangents(self, limits: NDArray[np.intp], w: Array) -> Tangents:
         """See ``Program.tangents``."""
-        shared, nv = self._formulation, self._q.size
-        torques = len(shared.slopes) // 2
-        # of a torque, whose place is below zero then, another row is taken and overwritten
-        linear = which - torques
-        slopes = shared.slopes.take(linear, axis=0)
-        offsets = shared.motion.coasting(self._q, self._v).take(linear)
-        at = (which < torques).nonzero()[0]
+        linear = self._formulation.linear
+        tangents = linear.of(limits, self._q, self._v)
+        at = linear.is_torque.take(limits).nonzero()[0]
         if at.size:
-            motion = shared.motion(self._q, self._v, w)
-            stage, joint = np.divmod(which[at], nv)
-            asked = np.zeros(len(motion.u), dtype=np.bool_)
-            asked[stage] = True
-            place = (asked.cumsum() - 1)[stage]
-            parts = motion.q_middle, motion.v_middle, motion.u
-            torque, by_motion = shared.torque.linearise(*(part[asked] for part in parts))
-            by_decision = shared.to_middle[stage] @ by_motion[place, joint]
-            slopes[at] = by_decision.reshape(at.size, -1)
-            offsets[at] = (torque - self._disturbance)[place, joint] - slopes[at].dot(w)
-        return slopes, offsets
+            for all_rows, torques in zip(
+                tangents, self._torque_tangents(limits[at], w), strict=True
+            ):
+                all_rows[at] = torques
+        return tangents
+
+    def _torque_tangents(self, limits: NDArray[np.intp], w: Array) -> Tangents:
+        shared, nv = self._formulation, self._q.size
+        motion = shared.motion(self._q, self._v, w)
+        stages = len(motion.u)
+        lower, which = np.divmod(limits, 3 * stages * nv)
+        sign = 1.0 - 2.0 * lower
+        stage, joint = np.divmod(which, nv)
+        asked = np.zeros(stages, dtype=np.bool_)
+        asked[stage] = True
+        place = (asked.cumsum() - 1)[stage]
+        parts = motion.q_middle, motion.v_middle, motion.u
+        torque, by_motion = shared.torque.linearise(*(part[asked] for part in parts))
+        by_decision = shared.to_middle[stage] @ by_motion[place, joint]
+        slopes = sign[:, np.newaxis] * by_decision.reshape(limits.size, -1)
+        offsets = sign * (torque - self._disturbance)[place, joint] - slopes.dot(w)
+        return Tangents.scaled(slopes, offsets, self)
 
     def accelerations(self, w: Array) -> Array | None:
         """See ``Program.accelerations``."""
-        return w.reshape(-1, self._q.size)[self._formulation.block_of_stage]
+        return w.reshape(-1, self._q.size).take(self._formulation.block_of_stage, axis=0)
 
     def gentler(self, share: float) -> TrackingProgram:
         """See ``Program.gentler``: w_free is linear in speed and way, so it shrinks with them."""

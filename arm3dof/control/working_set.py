@@ -2,84 +2,92 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm3dof.control.bounds import RATE, TORQUE, Bounds
-from arm3dof.control.program import Program
+from arm3dof.control.program import Program, Tangents
+from arm3dof.control.qp import UNBOUNDED
 from arm3dof.state import Array
 
 
 class WorkingSet(NamedTuple):
     """Some limits of a program as rows C w <= b, each the tangent of what it limits.
 
+    A row is in units of the tangent's size (``Tangents``), so C H^-1 C' has a diagonal of one.
+
     Attributes:
         limits: which limits, by their places in ``Bounds.sides``, shape (k,).
         C: shape (k, n).
         b: shape (k,).
+        through: C H^-1, shape (k, n).
         price: most that a unit of violation may cost, shape (k,).
-        which: what is limited, by its place among the flattened values, shape (k,).
-        sign: 1 for an upper limit, -1 for a lower one, shape (k,).
+        size: shape (k,).
         sides: the limits themselves, lower ones with their signs turned, shape (k,).
     """
 
     limits: NDArray[np.intp]
     C: Array
     b: Array
+    through: Array
     price: Array
-    which: NDArray[np.intp]
-    sign: Array
+    size: Array
     sides: Array
 
     @staticmethod
     def of(program: Program, bounds: Bounds, limits: NDArray[np.intp], w: Array) -> WorkingSet:
         """Return some limits with tangents that touch at w."""
-        count = bounds.high.size
-        which = limits % count
-        slopes, offsets = _tangents(program, bounds, which, w)
-        sign, sides, price = _signs(count)[limits], bounds.sides[limits], bounds.prices[limits]
-        C = sign[:, np.newaxis] * slopes
-        return WorkingSet(limits, C, sides - sign * offsets, price, which, sign, sides)
+        slopes, offsets, through, size = _tangents(program, bounds, limits, w)
+        sides = bounds.sides.take(limits)
+        price = np.minimum(bounds.prices.take(limits) * size, UNBOUNDED)
+        return WorkingSet(limits, slopes, sides / size - offsets, through, price, size, sides)
 
     def joined(self, other: WorkingSet) -> WorkingSet:
         """Return the limits of both."""
         return WorkingSet(*(np.concatenate(parts) for parts in zip(self, other, strict=True)))
 
+    def affine(self) -> tuple[Array, Array]:
+        """Return slopes and values at w = 0 of the tangents, in the units of what is limited."""
+        return self.size[:, np.newaxis] * self.C, self.sides - self.size * self.b
+
+    def slack(self, w: Array) -> Array:
+        """Return how far the tangents at w are from the limits, shape (k,)."""
+        return np.asarray(self.size * (self.b - self.C.dot(w)))
+
 
 def limited(program: Program, bounds: Bounds, w: Array) -> Array:
     """Return all that is limited, shape (kinds, N, nv): torque, position, velocity, torque rate."""
     values = program.values(w)
-    if len(bounds.high) > RATE:
+    if len(bounds.tolerance) > RATE:
         torque = values[TORQUE]
         change = np.diff(torque, axis=0, prepend=bounds.last_torque[np.newaxis])
         values = np.concatenate([values, change[np.newaxis]])
     return values
 
 
-@lru_cache(maxsize=16)
-def _signs(count: int) -> Array:
-    """Return 1 for all upper limits, and then -1 for all lower ones, shape (2 count,)."""
-    return np.repeat([1.0, -1.0], count)
-
-
-def _tangents(
-    program: Program, bounds: Bounds, which: NDArray[np.intp], w: Array
-) -> tuple[Array, Array]:
-    """Return slopes and offsets of what is limited, changes of torque included."""
-    if len(bounds.high) <= RATE:
-        return program.tangents(which, w)
-    nv, kind = bounds.last_torque.size, bounds.high[TORQUE].size
+def _tangents(program: Program, bounds: Bounds, limits: NDArray[np.intp], w: Array) -> Tangents:
+    """Return the tangents of what is limited, changes of torque included."""
+    if len(bounds.tolerance) <= RATE:
+        return program.tangents(limits, w)
+    nv, count, kind = bounds.last_torque.size, bounds.tolerance.size, bounds.tolerance[0].size
+    lower, which = np.divmod(limits, count)
     is_rate = which >= RATE * kind
     own = np.where(is_rate, which - RATE * kind, which)
-    slopes, offsets = program.tangents(own, w)
+    first_lower = lower * (count - kind)  # the program knows nothing of changes
+    slopes, offsets = _natural(program.tangents(first_lower + own, w))
     at = is_rate.nonzero()[0]
     later = at[own[at] >= nv]
-    slopes_before, offsets_before = program.tangents(own[later] - nv, w)
+    slopes_before, offsets_before = _natural(program.tangents((first_lower + own)[later] - nv, w))
     slopes[later] -= slopes_before
     offsets[later] -= offsets_before
     first = at[own[at] < nv]
-    offsets[first] -= bounds.last_torque[own[first]]
-    return slopes, offsets
+    offsets[first] -= (1 - 2 * lower[first]) * bounds.last_torque[own[first]]
+    return Tangents.scaled(slopes, offsets, program)
+
+
+def _natural(tangents: Tangents) -> tuple[Array, Array]:
+    """Return slopes and offsets in the units of the values."""
+    size = tangents.size
+    return size[:, np.newaxis] * tangents.slopes, size * tangents.offsets
