@@ -149,6 +149,26 @@ def test_the_papers_experiment_settles_inside_every_limit(robot, formulation):
     np.testing.assert_allclose(recording.tau[-1], robot.gravity(PAPER_TARGET), atol=1e-3)
 
 
+def test_under_euler_an_arm_near_its_joint_range_is_solved_as_under_exact_discretisation(robot):
+    """No decision reaches Euler's first position; a limit of it must not spoil the others."""
+    rng, highest, solved = np.random.default_rng(0), robot.limits.q_max, 0
+    for _ in range(15):
+        controllers = [
+            MpcController(robot, MpcSettings(discretisation=one)) for one in ("exact", "euler")
+        ]
+        q, v, joint = robot.random_configuration(rng), np.zeros(3), rng.integers(3)
+        q[joint] = highest[joint] - rng.uniform(0.02, 0.1)
+        v[joint] = rng.uniform(0.2, 1.0) * robot.limits.v_max[joint]
+        for step in range(4):
+            state = JointState(controllers[0].dt * step, q, v)
+            exact, euler = (one.step(state, 0.999 * highest).status for one in controllers)
+            q, v = q + controllers[0].dt * v, 0.6 * v
+            if exact is not ControlStatus.NOT_SOLVED:
+                assert euler is not ControlStatus.NOT_SOLVED
+                solved += 1
+    assert solved > 45
+
+
 def test_a_target_outside_the_joint_range_is_approached_to_the_limit(robot):
     target = np.array([0.0, robot.limits.q_max[1] + 0.5, 0.0])
     plant = PinocchioPlant(robot)
