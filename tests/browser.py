@@ -5,8 +5,10 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-from playwright.sync_api import Browser, Page, sync_playwright
+if TYPE_CHECKING:  # it takes a second, which tests without a browser save
+    from playwright.sync_api import Browser, Locator, LocatorAssertions, Page
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 ARGUMENTS = (
@@ -43,6 +45,8 @@ const pose = (path) => {
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """A running browser."""
+    from playwright.sync_api import sync_playwright
+
     path = next((found for name in NAMES if (found := shutil.which(name))), None)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=list(ARGUMENTS))
@@ -55,6 +59,14 @@ def chromium() -> Iterator[Browser]:
 def poses(page: Page, paths: list[str]) -> list[list[float] | None]:
     """Poses of nodes, all of the same instant."""
     return page.evaluate(f"(paths) => {{ {POSE_JS} return paths.map(pose); }}", paths)
+
+
+def expect(shown: Locator, patience: float = 60.0) -> LocatorAssertions:
+    """Playwright's assertions about what a page shows, true within ``patience`` seconds."""
+    from playwright.sync_api import expect
+
+    expect.set_options(timeout=1000 * patience)
+    return expect(shown)
 
 
 def wait_until(page: Page, condition: str, patience: float = 60.0) -> None:

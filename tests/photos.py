@@ -8,9 +8,18 @@ import numpy as np
 from arm3dof.vision.sources import read_image
 
 
+def inside(package, *path):
+    """Return the path of a package's file without importing the package."""
+    return Path(find_spec(package).origin).parent.joinpath(*path)
+
+
+COFFEE = inside("skimage", "data", "coffee.png")
+FLOWER = inside("sklearn", "datasets", "images", "flower.jpg")
+
+
 def photo(package, *path):
-    """Read a photograph of a package without importing it."""
-    return read_image(Path(find_spec(package).origin).parent.joinpath(*path))
+    """Read a photograph of a package."""
+    return read_image(inside(package, *path))
 
 
 def overlap(first, second):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import psutil
 import pytest
 from browser import POSE_JS, chromium, poses, visit, wait_until
-from playwright.sync_api import Browser, Page
 from runs import TARGET, smooth_run
 from starlette.applications import Starlette
 from starlette.responses import HTMLResponse
@@ -24,6 +24,9 @@ from arm3dof.ui.meshcat_scene import Scene, recording_scene
 from arm3dof.ui.report import write_replay
 from arm3dof.ui.server import LocalServer, serve
 from arm3dof.ui.shapes import move
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 EXACT = 1e-9

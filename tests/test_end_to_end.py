@@ -6,8 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import skimage
-import sklearn
+from photos import COFFEE, FLOWER
 
 import arm3dof
 from arm3dof.cli import app
@@ -25,8 +24,6 @@ from arm3dof.ui.demo_scene import RADIUS, draw_demo
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.locate import look
 
-COFFEE = Path(skimage.__file__).parent / "data" / "coffee.png"
-FLOWER = Path(sklearn.__file__).parent / "datasets" / "images" / "flower.jpg"
 FIGURES = {"error.png", "velocity.png", "controller.png", "torque.png", "overview.png"}
 
 

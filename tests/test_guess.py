@@ -1,21 +1,15 @@
 """Guesses about pictures that nobody has calibrated."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
-import skimage
-import sklearn
+from photos import COFFEE, FLOWER
 
 from arm3dof.errors import InputError
 from arm3dof.vision.camera import Camera
 from arm3dof.vision.colour import ColourTarget, find_blobs
 from arm3dof.vision.guess import DISTANCE, FOCAL_SHARE, guess_camera, guess_colour, guess_width
 from arm3dof.vision.locate import look
-
-COFFEE = Path(skimage.__file__).parent / "data" / "coffee.png"
-FLOWER = Path(sklearn.__file__).parent / "datasets" / "images" / "flower.jpg"
 
 
 def overlap(first, second):

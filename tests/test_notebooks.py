@@ -8,7 +8,6 @@ from pathlib import Path
 import nbformat
 import pytest
 from browser import chromium, poses, wait_until
-from nbclient import NotebookClient
 from runs import smooth_run
 
 import arm3dof
@@ -45,6 +44,8 @@ def test_it_is_stored_without_outputs(path: Path) -> None:
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the kernel's client, not ours
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_it_runs_from_top_to_bottom(path: Path, tmp_path: Path) -> None:
+    from nbclient import NotebookClient  # slow to import
+
     notebook = nbformat.read(path, as_version=4)
     client = NotebookClient(
         notebook, timeout=120, kernel_name="python3", resources={"metadata": {"path": tmp_path}}

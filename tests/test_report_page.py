@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from browser import Visit, chromium, poses, visit, wait_until
-from playwright.sync_api import Browser, Page
 from runs import smooth_run
 
 from arm3dof.control.step import ControlStatus, TorqueSource
@@ -18,6 +18,9 @@ from arm3dof.model.robot import Robot
 from arm3dof.runtime.recording import Recording
 from arm3dof.ui.replay import frame_times
 from arm3dof.ui.report import write_report
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 EXACT = 1e-9

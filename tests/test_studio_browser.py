@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from browser import chromium, poses, wait_until
+from browser import chromium, expect, poses, wait_until
 from mjpeg import Stream
-from playwright.sync_api import Browser, Page, TimeoutError, expect
 from studio import Program, studio
 
 from arm3dof.config.camera_file import load_camera
@@ -19,8 +19,10 @@ from arm3dof.model.robot import Robot
 from arm3dof.runtime.recording import Recording
 from arm3dof.ui.demo_scene import draw_demo
 
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.studio]
-expect.set_options(timeout=60_000)
 EXACT = 1e-9
 PATIENCE = 60_000  # ms: a busy machine draws slowly
 SCREENSHOTS = Path(__file__).parent.parent / "out" / "screenshots"
@@ -537,6 +539,8 @@ def test_every_control_says_its_effect_and_unit(page: Page) -> None:
 
 def tooltip(page: Page, index: int, panel: str) -> str:
     """What appears when the pointer rests on a control."""
+    from playwright.sync_api import TimeoutError
+
     control = page.locator(CONTROLS).nth(index)
     control.hover(force=True)
     shown = page.locator(".q-tooltip").last
