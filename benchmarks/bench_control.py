@@ -38,8 +38,7 @@ PEERS = {
     "IPOPT, hard limits": "ipopt",
 }
 ONE_ITERATION = "Crocoddyl, 1 iteration"
-ROUNDS = 10
-ROUNDS_OF_THE_SLOW = {PROXQP: 5, **dict.fromkeys(PEERS, 2), ONE_ITERATION: ROUNDS}
+ROUNDS, BUDGET = 25, 10.0  # [s]: what a contestant may take for its rounds
 MOTIONS, DURATION = 4, 2.0  # [s]
 
 
@@ -124,7 +123,7 @@ def measure(
         horizon: number of stages N.
         peers: the peers' process; without it ours and ProxQP are timed alone.
         motions: number of closed loops.
-        rounds: how often each is answered; ``ROUNDS_OF_THE_SLOW`` answer it less often.
+        rounds: how often each is answered, at most; by the slow ones less often.
     """
     settings = MpcSettings(horizon=horizon)
     recorded = record_motions(robot, settings, motions, DURATION)
@@ -142,8 +141,7 @@ def measure(
         facts["disagreement"] = peers.load(problem_of(robot, settings))
         asked = {label: PeerContestant(peers, name, recorded) for label, name in PEERS.items()}
         contestants |= asked
-    turns = {name: min(rounds, ROUNDS_OF_THE_SLOW.get(name, rounds)) for name in contestants}
-    timings = take_turns(contestants, motions, turns)
+    timings = take_turns(contestants, motions, rounds, BUDGET)
     facts["peers"] = {label: peer.facts() for label, peer in asked.items()}
     parts = shares(robot, settings, recorded)
     return Case(robot.name, robot.nv, horizon, timings, parts, facts)

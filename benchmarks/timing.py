@@ -14,6 +14,8 @@ import numpy as np
 from arm3dof.state import Array
 from benchmarks.contestants import Contestant
 
+_FEWEST_ROUNDS = 2
+
 
 @dataclass(frozen=True, eq=False)
 class Timing:
@@ -58,19 +60,22 @@ class Timing:
 
 
 def take_turns(
-    contestants: Mapping[str, Contestant], motions: int, rounds: Mapping[str, int]
+    contestants: Mapping[str, Contestant], motions: int, most: int, budget: float
 ) -> dict[str, Timing]:
     """Time every contestant on every motion, in an order that changes from motion to motion.
 
     Args:
         contestants: who is timed.
         motions: number of motions.
-        rounds: how often each contestant does all motions.
+        most: how often a contestant does all motions, at most.
+        budget: time that it may take [s]; a slow one does them less often, twice at least.
     """
     names = list(contestants)
     times: dict[str, list[Array]] = {name: [] for name in names}
+    rounds = {}
     for name in names:
-        contestants[name].times(0)  # the first run of all warms caches
+        once = motions * float(contestants[name].times(0).sum())  # which warms caches, too
+        rounds[name] = min(most, max(_FEWEST_ROUNDS, int(budget / once)))
     for turn in range(max(rounds.values())):
         asked = [name for name in names if turn < rounds[name]]
         found: dict[str, list[Array]] = {name: [] for name in asked}

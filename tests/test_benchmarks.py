@@ -100,10 +100,11 @@ class Fake:
 def test_contestants_take_turns():
     log = []
     contestants = {"a": Fake("a", 1.0, log), "b": Fake("b", 2.0, log)}
-    found = take_turns(contestants, motions=2, rounds={"a": 2, "b": 1})
+    found = take_turns(contestants, motions=2, most=3, budget=75.0)
     assert log[:2] == [("a", 0), ("b", 0)]
-    assert log[2:] == [("b", 0), ("a", 0), ("a", 1), ("b", 1), ("a", 0), ("a", 1)]
-    assert found["a"].times.shape == (2, 4)
+    assert log[2:6] == [("b", 0), ("a", 0), ("a", 1), ("b", 1)]
+    assert log[6:] == [("a", 0), ("b", 0), ("b", 1), ("a", 1), ("a", 0), ("a", 1)]
+    assert found["a"].times.shape == (3, 4)
     assert found["a"].p50 == 1.5
     assert found["a"].ratio(found["b"]) == 0.5
 
