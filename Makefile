@@ -14,7 +14,7 @@ export OMP_NUM_THREADS := 1
 PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo studio test test-slow test-studio lint format types contract docs bench images screenshots clean
+.PHONY: help demo studio test test-slow test-all test-studio lint format types contract docs bench images screenshots clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s  %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -32,6 +32,11 @@ test-slow: $(DEV)  ## the rest: browsers, physics, large samples, whole commands
 	@$(BIN)/python tools/ensure_chromium.py
 	@$(BIN)/python tools/ensure_renderers.py
 	$(PYTEST) -m "slow and not studio" $(ARGS)
+
+test-all: $(DEV)  ## both at once, which takes less time than one after the other
+	@$(BIN)/python tools/ensure_chromium.py
+	@$(BIN)/python tools/ensure_renderers.py
+	$(PYTEST) -m "not studio" $(ARGS)
 
 test-studio: $(DEV)  ## a person's path through the studio in a browser; wants idle cores
 	@$(BIN)/python tools/ensure_chromium.py
