@@ -20,6 +20,7 @@ from arm3dof.state import Array, frozen_array
 
 Image = NDArray[np.uint8]
 
+_BLOCK = 1 << 14  # rays shaded at a time: the temporaries stay inside the second-level cache
 _SUPERSAMPLE = 4  # rays to a side in a pixel on an edge
 _LAMP_RAYS = 16  # places of the lamp that a shadow on the table is made of
 _GAMMA = 2.2
@@ -130,11 +131,16 @@ def draw(
         height,
     )
     linear = picture.linear()
-    index = np.clip(linear * 4095 + 0.5, 0, 4095).astype(np.int16)
+    linear *= 4095
+    linear += 0.5
+    index = np.clip(linear, 0, 4095, out=linear).astype(np.int16)
     grey = _TONES.take(index[::-1].T)
     if rng is not None and scene.noise > 0:
-        grey += rng.standard_normal(grey.shape, dtype=np.float32) * np.float32(scene.noise)
-    image: Image = np.clip(grey + 0.5, 0, 255).astype(np.uint8).reshape(height, width, 3)
+        noise = rng.standard_normal(grey.shape, dtype=np.float32)
+        noise *= np.float32(scene.noise)
+        grey += noise
+    grey += 0.5
+    image: Image = np.clip(grey, 0, 255, out=grey).astype(np.uint8).reshape(height, width, 3)
     return image
 
 
@@ -160,10 +166,12 @@ class _Picture:
         ids, distance = self._cast(rays, inside)
         colours = self._shade(rays, ids, distance)
         edges = np.flatnonzero(_on_edge(ids.reshape(height, width)))
-        step = (np.arange(_SUPERSAMPLE) + 0.5) / _SUPERSAMPLE - 0.5
+        step = (np.arange(_SUPERSAMPLE, dtype=np.float32) + 0.5) / _SUPERSAMPLE - 0.5
         du, dv = (grid.ravel() for grid in np.meshgrid(step, step))
         row, column = np.divmod(edges, width)
-        fine = self._rays(column[:, None] + du, row[:, None] + dv)
+        fine = self._rays(
+            column.astype(np.float32)[:, None] + du, row.astype(np.float32)[:, None] + dv
+        )
         inside = [
             np.flatnonzero(
                 np.repeat(
@@ -207,6 +215,13 @@ class _Picture:
 
     def _shade(self, rays: Reals, ids: Faces, distance: Reals) -> Reals:
         """Compute the light that comes along each ray, linear RGB, shape (3, n)."""
+        colours = np.empty(rays.shape, np.float32)
+        for start in range(0, rays.shape[1], _BLOCK):
+            part = slice(start, start + _BLOCK)
+            colours[:, part] = self._shade_block(rays[:, part], ids[part], distance[part])
+        return colours
+
+    def _shade_block(self, rays: Reals, ids: Faces, distance: Reals) -> Reals:
         owners = ids // _FACES
         eye = self.eye.astype(rays.dtype)[:, None]
         light, table = self.scene.light, self.scene.table

@@ -90,8 +90,8 @@ class Shadow:
 
     corner: Array
     cell: float
-    lamp: Array
-    sky: Array
+    lamp: Reals
+    sky: Reals
 
     @classmethod
     def cast(cls, solid: Solid, height: float, lamps: Array) -> Shadow:
@@ -112,33 +112,36 @@ class Shadow:
         cell = max(_CELL, float((far - corner).max()) / _CELLS)
         counts = np.ceil((far - corner) / cell).astype(int) + 2
         x, y = (corner[k] + cell * np.arange(counts[k]) for k in (0, 1))
-        lamp = np.ones((counts[0], counts[1]))
+        lamp = np.ones((counts[0], counts[1]), np.float32)
         rows, columns = (
             slice(*np.searchsorted(axis, [low[k], high[k]])) for k, axis in enumerate((x, y))
         )
         dimmed = lamp[rows, columns]
-        feet = np.empty((3, dimmed.size))
+        feet = np.empty((3, dimmed.size), np.float32)
         feet[0] = np.repeat(x[rows], dimmed.shape[1])
         feet[1] = np.tile(y[columns], dimmed.shape[0])
         feet[2] = height
         # from beyond the solid downwards, so that a cell underneath it is in the dark too
         length = 2 * (rise + 2 * radius) / float(lamps[2].min())
-        for lamp_ray in lamps.T:
+        for lamp_ray in lamps.T.astype(np.float32):
             light = np.broadcast_to(-lamp_ray[:, None], feet.shape)
             met = solid.meet(feet + length * lamp_ray[:, None], light).distance < length
             dimmed -= met.reshape(dimmed.shape) / lamps.shape[1]
-        return cls(corner, cell, lamp, _sky_share(solid, height, x[:, None], y[None, :]))
+        sky = _sky_share(solid, height, x[:, None], y[None, :])
+        return cls(corner, cell, lamp, sky.astype(np.float32))
 
     def dim(self, points: Reals, lamp: Reals, sky: Reals) -> None:
         """Multiply the shares of the lamp and the sky, (n,), at points on the table, (3, n)."""
         inside = self._inside(points)
+        if not inside.size:
+            return
         place = (points[:2, inside] - self.corner.astype(points.dtype)[:, None]) / self.cell
         cell = place.astype(np.int32)
         s, t = place - cell
         stride = self.lamp.shape[1]
         first = cell[0] * stride + cell[1]
         for share, grid in ((lamp, self.lamp), (sky, self.sky)):
-            flat = grid.ravel().astype(share.dtype)
+            flat = grid.ravel()
             low = flat[first] * (1 - t) + flat[first + 1] * t
             high = flat[first + stride] * (1 - t) + flat[first + stride + 1] * t
             share[inside] *= low * (1 - s) + high * s
