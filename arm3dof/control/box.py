@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import eigenpy
 import numpy as np
+from numpy.typing import NDArray
 
 from arm3dof.control.active_set import solve_by_active_set
 from arm3dof.control.qp import QpSettings, QpSolution, QpStatus, broken, solve_once
@@ -120,16 +121,17 @@ def _from_places(H: Array, g: Array, u: Array, places: Sequence[int]) -> _Point:
         pull = H.dot(x) + g
     if _INSIDE not in places:
         return _Point(x, -pull, 0.0)
-    try:
-        if places.count(_INSIDE) == n:
-            x = _solve(H, -g)
-            return _Point(x, np.zeros(n), _norm(H.dot(x) + g))
+    count = places.count(_INSIDE)
+    # as they were guessed those inside come first, and a slice is faster
+    k: slice | NDArray[np.intp] = slice(count)
+    if _INSIDE in places[count:]:
         k = np.array([i for i, place in enumerate(places) if place == _INSIDE], dtype=np.intp)
-        x[k] = _solve(H.take(k, 0).take(k, 1), -pull.take(k))
+    try:
+        x[k] = _solve(H[k][:, k], -pull[k])
     except np.linalg.LinAlgError:  # such places cannot be right
         return _Point(np.zeros(n), np.zeros(n), math.inf)
     z = -(H.dot(x) + g)
-    error = _norm(z.take(k))
+    error = _norm(z[k])
     z[k] = 0.0
     return _Point(x, z, error)
 

@@ -122,21 +122,29 @@ class StateEstimator:
             self.q, self.v = state.q, state.v
             return [self._share * fast for _, fast in new]
         if readings is None:
-            return self._filter(state, new, self._gains)
+            return self._filter(state, q_now, v_now, new, self._gains)
         seen = sensor(dt, len(readings))
         led = np.stack((q_now, v_now, pushed))
         led[:2] -= np.transpose(new)
         telling = (seen.summary @ readings - seen.of_state[2:] @ led).T.tolist()
         more = [(*own, *others) for own, others in zip(new, telling, strict=True)]
-        return self._filter(state, more, gains(dt, self._learning, len(readings)))
+        table = gains(dt, self._learning, len(readings))
+        return self._filter(state, q_now, v_now, more, table)
 
     def _filter(
-        self, state: JointState, new: Sequence[tuple[float, ...]], table: Gains
+        self,
+        state: JointState,
+        q_now: list[float],
+        v_now: list[float],
+        new: Sequence[tuple[float, ...]],
+        table: Gains,
     ) -> list[float]:
         """Correct the estimate by what was not expected, and be surprised by it.
 
         Args:
             state: the measurement.
+            q_now: its positions, of each joint [rad].
+            v_now: its velocities [rad/s].
             new: innovations, of each joint that of its position, of its velocity, and others; the
                 last two tell most of a surprise.
             table: what they are worth.
@@ -147,9 +155,7 @@ class StateEstimator:
         edges, believes, per_sample = table.edges, True, self._dt**-2
         far, fast = self._telling[len(new[0])]
         positions, velocities, lasting, surprises = [], [], [], []
-        joints = zip(
-            state.q.tolist(), state.v.tolist(), new, self._noise, self._surprise, strict=True
-        )
+        joints = zip(q_now, v_now, new, self._noise, self._surprise, strict=True)
         for q, v, innovations, noise, surprise in joints:
             scale = noise * per_sample
             row = bisect_left(edges, scale / surprise)

@@ -43,6 +43,7 @@ class HorizonTorque:
         self._data = self._model.createData()
         self.damping = np.tile(robot.damping, (horizon, 1))  # as large as v: faster to multiply
         self._rigid = np.empty_like(self.damping)
+        self._rigid_by_joint = self._rigid.T
         self._damping_slope = np.diag(robot.damping)
 
     def refresh(self) -> None:
@@ -61,9 +62,9 @@ class HorizonTorque:
             out: what they are added to, shape (N, nv) [N m].
             damping: whether ``D v`` is to be added; if not, it is there already.
         """
-        rigid = self._rigid
-        pin.rneaInParallel(1, self._pool, q.T, v.T, u.T, rigid.T)  # one call; on this one thread
-        out += rigid
+        # one call, on this one thread
+        pin.rneaInParallel(1, self._pool, q.T, v.T, u.T, self._rigid_by_joint)
+        out += self._rigid
         if damping:
             out += self.damping * v
 

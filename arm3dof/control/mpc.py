@@ -77,6 +77,8 @@ class MpcController:
             _MOST_OVERSPEED * robot.limits.v_max,
         )
         self._believable = np.stack(believable, axis=1).tolist()  # a row for each joint
+        low, high, fastest = believable
+        self._surely = min(-low.max(), high.min()), fastest.min()  # so far, and so fast, all are
         self._tau_max = tau_max.tolist()
         self._v_max = robot.limits.v_max.tolist()
         self._most_change = self._torque_change()
@@ -239,6 +241,8 @@ class MpcController:
         plan: Plan | None = None
         optimum: Optimum | None = None
         for _ in range(rounds):
+            if plan is not None:
+                u = plan.u[:horizon]
             try:
                 program = formulation.build(state, reference, u, self.observer.disturbance)
             except np.linalg.LinAlgError:
@@ -247,7 +251,6 @@ class MpcController:
             if optimum.status is not QpStatus.SOLVED:
                 break
             plan = self._plan(state, program, optimum)
-            u = plan.u[:horizon]
         return optimum, plan
 
     def _plan(self, state: JointState, program: Program, optimum: Optimum) -> Plan:
@@ -258,7 +261,10 @@ class MpcController:
         return Plan(decided, (state.q, state.v), states)
 
     def _is_plausible(self, state: JointState) -> bool:
-        joints = zip(state.q.tolist(), state.v.tolist(), self._believable, strict=True)
+        positions, speeds = state.q.tolist(), state.v.tolist()
+        if sum(map(abs, positions)) <= self._surely[0] and sum(map(abs, speeds)) <= self._surely[1]:
+            return True  # the usual case, which NaN is not
+        joints = zip(positions, speeds, self._believable, strict=True)
         return all(low <= q <= high and abs(v) <= fastest for q, v, (low, high, fastest) in joints)
 
     def _within_rate(self, optimum: Optimum) -> Array:

@@ -26,22 +26,25 @@ class Tangents(NamedTuple):
         offsets: shape (k,).
         through: ``slopes @ H^-1``, shape (k, n).
         size: shape (k,).
+        exact: whether the values are linear, so that their tangents touch them everywhere.
     """
 
     slopes: Array
     offsets: Array
     through: Array
     size: Array
+    exact: bool
 
     @staticmethod
-    def scaled(slopes: Array, offsets: Array, program: Program) -> Tangents:
+    def scaled(slopes: Array, offsets: Array, program: Program, *, exact: bool) -> Tangents:
         """Return tangents whose slopes and offsets are not yet divided by their size."""
         through = slopes.dot(program.hessian_inverse)
         if program.refine:
             through += (slopes - through @ program.hessian) @ program.hessian_inverse
         size = np.sqrt(np.einsum("ij,ij->i", through, slopes))
         scale = (1.0 / np.where(size > 0.0, size, 1.0))[:, np.newaxis]  # one that is fixed stays
-        return Tangents(scale * slopes, scale[:, 0] * offsets, scale * through, 1.0 / scale[:, 0])
+        scaled, offsets, size = scale * slopes, scale[:, 0] * offsets, 1.0 / scale[:, 0]
+        return Tangents(scaled, offsets, scale * through, size, exact)
 
 
 class Program(Protocol):
@@ -147,7 +150,7 @@ class LinearProgram:
         lower, which = np.divmod(limits, self._offsets.size)
         sign = 1.0 - 2.0 * lower
         slopes = sign[:, np.newaxis] * self._slopes[which]
-        return Tangents.scaled(slopes, sign * self._offsets.ravel()[which], self)
+        return Tangents.scaled(slopes, sign * self._offsets.ravel()[which], self, exact=True)
 
     def accelerations(self, w: Array) -> Array | None:
         """See ``Program.accelerations``."""

@@ -99,13 +99,15 @@ class ProgramSolver:
         """
         limits = self._likely.limits
         if limits:
-            last = horizon - 1
-            stages = [limit // nv % horizon for limit in limits]
-            moved = [limit - nv for limit, stage in zip(limits, stages, strict=True) if stage]
-            moved += [limit for limit, stage in zip(limits, stages, strict=True) if stage == last]
-            known = set(moved)
-            stayed = [limit for limit in limits if limit not in known] if moved else []
-            self._likely = Likely(moved + stayed, len(moved))
+            moved: dict[int, None] = {}  # a set that keeps its order
+            for limit in limits:
+                stage = limit // nv % horizon
+                if stage > 0:
+                    moved[limit - nv] = None
+                if stage == horizon - 1:
+                    moved[limit] = None
+            stayed = [limit for limit in limits if limit not in moved] if moved else []
+            self._likely = Likely([*moved, *stayed], len(moved))
 
     def solve(self, program: Program, bounds: Bounds) -> Optimum:
         """Return the optimum of a program."""
@@ -182,11 +184,12 @@ class ProgramSolver:
                 return _without_limits(program, bounds, values, QpStatus.ITERATION_LIMIT)
             w, z, status = self._solve_dual(program, working, inside)
             values = limited(program, bounds, w)
-            error = _replace_by_tangents(values, working, w)
-            if status is QpStatus.SOLVED and not _is_finite(values):
-                status = QpStatus.NOT_FINITE
+            error = 0.0 if working.exact else _replace_by_tangents(values, working, w)
             softened = False
             if status is not QpStatus.SOLVED or bounds.keep(values):
+                break
+            if not _is_finite(values):
+                status = QpStatus.NOT_FINITE
                 break
             excess = bounds.excess(values)
             softened = _exceeds_soft_limit(excess, bounds)
@@ -223,7 +226,7 @@ class ProgramSolver:
             working: its limits.
             inside: which of them are expected to push with less than their price.
         """
-        _, C, b, through, price, _, _ = working
+        C, b, through, price = working[1:5]
         if not b.size:
             return program.w_free, b, QpStatus.SOLVED
         gradient = b - C.dot(program.w_free)  # faster than @ for so few rows
@@ -300,8 +303,6 @@ def _replace_by_tangents(values: Array, working: WorkingSet, w: Array) -> float:
     """
     torques, count = values[TORQUE].size, values.size
     which = [limit % count for limit in working.limits.tolist()]
-    if all(torques <= place < (VELOCITY + 1) * torques for place in which):
-        return 0.0  # positions and velocities are their own tangents
     flat, sides = values.ravel(), working.sides
     slopes, at_zero = working.affine()
     by_tangents = np.where(working.limits < count, 1.0, -1.0) * (slopes.dot(w) + at_zero)
@@ -326,4 +327,4 @@ def _without_limits(program: Program, bounds: Bounds, values: Array, status: QpS
 @lru_cache(maxsize=16)
 def _no_limits(decisions: int) -> WorkingSet:
     none, no_rows = np.zeros(0), np.zeros((0, decisions))
-    return WorkingSet(np.zeros(0, dtype=np.intp), no_rows, none, no_rows, none, none, none)
+    return WorkingSet(np.zeros(0, dtype=np.intp), no_rows, none, no_rows, none, none, none, True)

@@ -150,7 +150,7 @@ class LinearTangents:
         rows = self._row.take(limits)
         slopes, through = self._slopes.take(rows, axis=0), self._through.take(rows, axis=0)
         offsets = self._by_state.take(rows, axis=0).dot(np.concatenate((q, v)))
-        return Tangents(slopes, offsets, through, self._size.take(rows))
+        return Tangents(slopes, offsets, through, self._size.take(rows), exact=True)
 
 
 class TrackingProgram:
@@ -207,12 +207,12 @@ class TrackingProgram:
         linear = self._formulation.linear
         tangents = linear.of(limits, self._q, self._v)
         at = linear.is_torque.take(limits).nonzero()[0]
-        if at.size:
-            for all_rows, torques in zip(
-                tangents, self._torque_tangents(limits[at], w), strict=True
-            ):
-                all_rows[at] = torques
-        return tangents
+        if not at.size:
+            return tangents
+        of_torques = self._torque_tangents(limits[at], w)
+        for all_rows, own in zip(tangents[:-1], of_torques[:-1], strict=True):
+            all_rows[at] = own
+        return tangents._replace(exact=False)
 
     def _torque_tangents(self, limits: NDArray[np.intp], w: Array) -> Tangents:
         shared, nv = self._formulation, self._q.size
@@ -229,7 +229,7 @@ class TrackingProgram:
         by_decision = shared.to_middle[stage] @ by_motion[place, joint]
         slopes = sign[:, np.newaxis] * by_decision.reshape(limits.size, -1)
         offsets = sign * (torque - self._disturbance)[place, joint] - slopes.dot(w)
-        return Tangents.scaled(slopes, offsets, self)
+        return Tangents.scaled(slopes, offsets, self, exact=False)
 
     def accelerations(self, w: Array) -> Array | None:
         """See ``Program.accelerations``."""

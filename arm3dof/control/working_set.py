@@ -26,6 +26,7 @@ class WorkingSet(NamedTuple):
         price: most that a unit of violation may cost, shape (k,).
         size: shape (k,).
         sides: the limits themselves, lower ones with their signs turned, shape (k,).
+        exact: whether the tangents are what is limited, everywhere.
     """
 
     limits: NDArray[np.intp]
@@ -35,18 +36,20 @@ class WorkingSet(NamedTuple):
     price: Array
     size: Array
     sides: Array
+    exact: bool
 
     @staticmethod
     def of(program: Program, bounds: Bounds, limits: NDArray[np.intp], w: Array) -> WorkingSet:
         """Return some limits with tangents that touch at w."""
-        slopes, offsets, through, size = _tangents(program, bounds, limits, w)
+        C, offsets, through, size, exact = _tangents(program, bounds, limits, w)
         sides = bounds.sides.take(limits)
         price = np.minimum(bounds.prices.take(limits) * size, UNBOUNDED)
-        return WorkingSet(limits, slopes, sides / size - offsets, through, price, size, sides)
+        return WorkingSet(limits, C, sides / size - offsets, through, price, size, sides, exact)
 
     def joined(self, other: WorkingSet) -> WorkingSet:
         """Return the limits of both."""
-        return WorkingSet(*(np.concatenate(parts) for parts in zip(self, other, strict=True)))
+        parts = [np.concatenate(pair) for pair in zip(self[:-1], other[:-1], strict=True)]
+        return WorkingSet._make([*parts, self.exact and other.exact])
 
     def affine(self) -> tuple[Array, Array]:
         """Return slopes and values at w = 0 of the tangents, in the units of what is limited."""
@@ -84,7 +87,7 @@ def _tangents(program: Program, bounds: Bounds, limits: NDArray[np.intp], w: Arr
     offsets[later] -= offsets_before
     first = at[own[at] < nv]
     offsets[first] -= (1 - 2 * lower[first]) * bounds.last_torque[own[first]]
-    return Tangents.scaled(slopes, offsets, program)
+    return Tangents.scaled(slopes, offsets, program, exact=False)
 
 
 def _natural(tangents: Tangents) -> tuple[Array, Array]:
