@@ -102,9 +102,13 @@ def closed_form_reach(
     q, within = _choose_turns(geometry, limits, q, reference)
     effort = np.zeros(len(q)) if near is None else np.linalg.norm(q - near, axis=1)
     order = np.lexsort((effort, ~within))
-    outside = excess(q, limits.q_min, limits.q_max)
     reached = bool(within.any())
-    nearest_q = q[order[0]] if reached else nearest_configuration(geometry, limits, p, reference)
+    fault = None
+    if reached:
+        nearest_q = q[order[0]]
+    else:
+        nearest_q = nearest_configuration(geometry, limits, p, reference)
+        fault = joint_names[joint_at_fault(excess(q, limits.q_min, limits.q_max))]
     return Reach(
         target=p,
         solutions=q[order],
@@ -113,7 +117,7 @@ def closed_form_reach(
         reason=None if reached else Reason.OUTSIDE_LIMITS,
         nearest=p if reached else geometry.tool_position(nearest_q),
         nearest_q=nearest_q,
-        joint=None if reached else joint_names[joint_at_fault(outside)],
+        joint=fault,
         singularities=special,
         free_joints=tuple(joint_names[joint] for joint in free),
     )
@@ -152,8 +156,10 @@ def _choose_turns(
     """
     q = into_limits(q, limits.q_min, limits.q_max, reference)
     clipped = np.clip(q, limits.q_min, limits.q_max)
-    moved = np.linalg.norm(geometry.tool_position(clipped) - geometry.tool_position(q), axis=1)
-    within = moved <= POSITION_TOLERANCE
+    if np.array_equal(clipped, q):
+        return q, np.ones(len(q), dtype=np.bool_)
+    put, meant = geometry.tool_position(np.stack([clipped, q]))
+    within = np.linalg.norm(put - meant, axis=1) <= POSITION_TOLERANCE
     return np.where(within[:, None], clipped, q), within
 
 

@@ -6,6 +6,7 @@ of s3 are solutions, and so are the two that reach the target backwards, with th
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -150,9 +151,9 @@ def singularities(geometry: DhGeometry, p: Array) -> tuple[Singularity, ...]:
     """
     p_dh = to_dh_frame(geometry, p)
     outer, inner = _borders(geometry.a2, geometry.a3)
-    distance = np.linalg.norm(p_dh)
+    distance = math.hypot(*p_dh)
     found = {
-        Singularity.BASE_FREE: np.hypot(p_dh[0], p_dh[1]) <= POSITION_TOLERANCE,
+        Singularity.BASE_FREE: math.hypot(p_dh[0], p_dh[1]) <= POSITION_TOLERANCE,
         Singularity.SHOULDER_FREE: distance <= POSITION_TOLERANCE,
         Singularity.STRETCHED: distance >= outer - POSITION_TOLERANCE,
         Singularity.FOLDED: distance <= inner + POSITION_TOLERANCE,

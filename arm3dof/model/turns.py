@@ -27,6 +27,8 @@ def into_limits(q: Array, low: Array, high: Array, reference: Array) -> Array:
         The same poses, shape (..., n) [rad].
     """
     q = q - TURN * np.ceil((q - reference) / TURN - 0.5)
+    if ((q >= low) & (q <= high)).all():
+        return q
     for margin in (ROUNDING, 0.0):
         bottom, top = low - margin, high + margin
         up = np.maximum(np.ceil((bottom - q) / TURN), 0.0)
