@@ -237,6 +237,7 @@ FIGURES = {
 }
 
 
+@pytest.mark.slow
 def test_simulate_is_the_papers_experiment(ask, tmp_path):
     code, answer = ask("simulate", "--out", tmp_path / "run")
     assert code == 0
@@ -530,6 +531,7 @@ def test_view_serves_until_ctrl_c(saved_run, start_program):
     assert stop(process) == (0, "stopped\n")
 
 
+@pytest.mark.slow
 def test_view_takes_another_port_when_the_usual_one_is_taken(saved_run, start_program):
     first, one = start_program("view", saved_run, "--json")
     second, two = start_program("view", saved_run, "--json")

@@ -135,6 +135,7 @@ def test_hostile_input_gives_one_clear_line_each(tmp_path, capfd):
 # ---- calibrate ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_chessboard_yields_a_camera_file(ask, tmp_path):
     rng = np.random.default_rng(0)
     folder = tmp_path / "boards"

@@ -199,7 +199,7 @@ def die(_):
     os._exit(3)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_every_task_is_done_once_and_reported(workers):
     told = []
     results = dict(run_all(square, range(6), workers=workers, progress=lambda *at: told.append(at)))
@@ -252,6 +252,7 @@ def few(monkeypatch):
     monkeypatch.setattr("arm3dof.cli.compare.core_count", lambda: 1)
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_table_and_writes_it(few, capsys, tmp_path):
     words = ["compare", "--controller", "computed-torque", "--controller", "mpc-tracking"]
     assert app.main([*words, "--out", str(tmp_path / "new")]) == 0

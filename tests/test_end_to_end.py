@@ -133,6 +133,7 @@ def demo(capsys, tmp_path):
     return call
 
 
+@pytest.mark.slow
 def test_demo(demo):
     code, answer, folder = demo()
     assert code == 0

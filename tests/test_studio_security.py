@@ -142,6 +142,7 @@ def test_it_listens_on_loopback_and_speaks_to_nobody_else(program: Program) -> N
             assert not line.raddr or line.raddr.ip == "127.0.0.1"
 
 
+@pytest.mark.slow
 def test_another_address_needs_a_token(refused) -> None:
     assert "give a token" in refused("studio", "--host", "0.0.0.0")
     assert "give 16 or more" in refused("studio", "--host", "0.0.0.0", "--token", "short")
