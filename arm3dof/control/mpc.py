@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
-from functools import partial
 from math import isfinite, isnan
 from operator import gt
 
@@ -84,8 +82,7 @@ class MpcController:
         self._most_change = self._torque_change()
         # numbers without a sensible limit may overflow: then their program is not solved, and
         # nobody needs numpy's warning; where there is none to be silenced a step saves the time
-        sensible = max(np.abs(believable).max(), tau_max.max()) < _ABSURD
-        self._unwarned = nullcontext if sensible else partial(np.errstate, all="ignore")
+        self._sensible = max(np.abs(believable).max(), tau_max.max()) < _ABSURD
         self._tau: Array | None = None
         self._target: list[float] | None = None
         self._held: Reference | None = None  # the last reference, ...
@@ -136,8 +133,11 @@ class MpcController:
         limit = self.settings.max_step_time
         deadline = None if limit is None else start + limit
         self._solver.begin(deadline)
-        with self._unwarned():
+        if self._sensible:
             optimum, plan = self._optimise(state, reference)
+        else:
+            with np.errstate(all="ignore"):
+                optimum, plan = self._optimise(state, reference)
         if deadline is not None and time.perf_counter() > deadline:
             return self._fall_back(state, reference, ControlStatus.DEADLINE_MISSED, start)
         if optimum is None or plan is None or optimum.status is not QpStatus.SOLVED:

@@ -169,7 +169,10 @@ class Observer:
             changes = zip(learned, left, self.estimator.left(), strict=True)
             learned = [d + (before - after) for d, before, after in changes]
         joints = zip(learned, surprise, self._tau_max, strict=True)
-        learned = [min(max(d - gain * more, -most), most) for d, more, most in joints]
+        learned = [
+            new if -most <= (new := d - gain * more) <= most else min(max(new, -most), most)
+            for d, more, most in joints
+        ]
         self.disturbance = np.array(learned)
         return taught
 
