@@ -20,7 +20,7 @@ from arm3dof.runtime.live.frames import Frames
 from arm3dof.runtime.live.tuned import Tuned
 from arm3dof.ui.server import LocalServer
 from arm3dof.ui.studio import feed
-from arm3dof.ui.studio.site import build_site
+from arm3dof.ui.studio.site import WATCHED, build_site
 from arm3dof.ui.studio.start import home
 from arm3dof.ui.studio.studio import Studio
 from benchmarks.tables import Table
@@ -59,7 +59,7 @@ def run(*, quick: bool) -> list[Table]:
         eye = eye_spec("world", None)
         studio = Studio(Tuned(), robot, home(robot), eye, Path(folder), file_store())
         try:
-            with LocalServer(build_site(studio)) as server:
+            with LocalServer(build_site(studio), watched=WATCHED) as server:
                 page = _open(browser, server.url)
                 first = time.perf_counter() - begin
                 _watch(studio, page, alone / 3)  # it finds out how coarsely it has to draw

@@ -19,8 +19,9 @@ import pytest
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
-from starlette.routing import Mount, Route
+from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.types import Receive, Scope, Send
+from starlette.websockets import WebSocket
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -426,9 +427,10 @@ def test_a_bad_frame_closes_that_client_only(
         assert b"visible" in good.recv(timeout=DEADLINE)
 
 
-def test_a_client_that_does_not_read_is_dropped(server: LocalServer, window: MeshcatWindow) -> None:
-    request = (
-        "GET /scene HTTP/1.1",
+def upgrade(server: LocalServer, path: str) -> bytes:
+    """The request for a websocket, of a client that is made by hand."""
+    lines = (
+        f"GET {path} HTTP/1.1",
         f"Host: 127.0.0.1:{server.port}",
         "Upgrade: websocket",
         "Connection: Upgrade",
@@ -436,11 +438,46 @@ def test_a_client_that_does_not_read_is_dropped(server: LocalServer, window: Mes
         "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
         "\r\n",
     )
+    return "\r\n".join(lines).encode()
+
+
+def test_a_watched_client_that_answers_no_ping_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("arm3dof.ui.server.PING_PERIOD", 0.01)
+    monkeypatch.setattr("arm3dof.ui.server.PONG_PATIENCE", 1.0)
+    came, gone = (
+        {name: threading.Event() for name in ("held/mute", "held/well", "free/mute")}
+        for _ in range(2)
+    )
+
+    async def endpoint(websocket: WebSocket) -> None:
+        name = websocket.url.path[1:]
+        await websocket.accept()
+        came[name].set()
+        while (await websocket.receive())["type"] != "websocket.disconnect":
+            await websocket.send_text("still here")
+        gone[name].set()
+
+    held = [WebSocketRoute(f"/{name}", endpoint) for name in ("mute", "well")]
+    app = Starlette(routes=[Mount("/held", routes=held), WebSocketRoute("/free/mute", endpoint)])
+    with LocalServer(app, watched=["/held/"]) as server, ExitStack() as stack:
+        for name in ("held/mute", "free/mute"):
+            mute = stack.enter_context(socket.create_connection(("127.0.0.1", server.port)))
+            mute.sendall(upgrade(server, f"/{name}"))
+            assert came[name].wait(DEADLINE)
+        url = f"ws://127.0.0.1:{server.port}/held/well"
+        well = stack.enter_context(connect(url, proxy=None, ping_interval=None))
+        assert gone["held/mute"].wait(DEADLINE)
+        well.send("?")
+        assert well.recv(timeout=DEADLINE) == "still here"
+        assert not gone["free/mute"].is_set()
+
+
+def test_a_client_that_does_not_read_is_dropped(server: LocalServer, window: MeshcatWindow) -> None:
     with socket.socket() as lazy, listen(server, max_size=None) as good:
         good.recv()
         lazy.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         lazy.connect(("127.0.0.1", server.port))
-        lazy.sendall("\r\n".join(request).encode())
+        lazy.sendall(upgrade(server, "/scene"))
         eventually(lambda: window.client_count == 2, server)
         big = "x" * (MAX_PENDING_BYTES // 8)
         for number in range(40):

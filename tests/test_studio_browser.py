@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import psutil
 import pytest
-from browser import chromium, expect, poses, wait_until
+from browser import ARGUMENTS, NAMES, chromium, expect, poses, wait_until
 from mjpeg import Stream
 from studio import Program, studio
 
@@ -422,6 +425,43 @@ def test_one_tab_holds_the_controls_and_a_lost_one_leaves_the_arm_safe(
     page.wait_for_function(f"{LAST}.mode === 0")  # and that the arm has been stopped
     page.wait_for_function(f"{LAST}.holder === null")
     take_the_controls(page)
+
+
+def test_a_busy_page_keeps_the_controls_and_a_silent_browser_loses_them(
+    browser: Browser, program: Program, page: Page
+) -> None:
+    from arm3dof.ui.studio.site import STALL
+
+    mine = processes()
+    path = next((found for name in NAMES if (found := shutil.which(name))), None)
+    other = browser.browser_type.launch(executable_path=path, args=list(ARGUMENTS))
+    its = processes() - mine
+    try:
+        with visit(other, program.url) as far:
+            take_the_controls(far)
+            run(far)
+            far.evaluate("for (const end = performance.now() + 4000; performance.now() < end;);")
+            assert far.evaluate(f"{LAST}.holder === studioFacts.tab")
+            assert page.evaluate(f"{LAST}.holder !== null && {LAST}.mode === 1")
+            begin = time.monotonic()
+            for process in its:
+                process.suspend()  # as quiet as behind a cut cable: no connection is closed
+            page.wait_for_function(f"{LAST}.mode === 0 && {LAST}.holder === null")
+            assert time.monotonic() - begin < STALL
+            for process in its:
+                process.resume()
+            far.wait_for_function(f"{LAST}.holder")  # it comes back, and without an error
+    finally:
+        for process in its:
+            with suppress(psutil.Error):
+                process.resume()
+        other.close()
+    take_the_controls(page)
+
+
+def processes() -> set[psutil.Process]:
+    """The processes that this one has started, and theirs."""
+    return set(psutil.Process().children(recursive=True))
 
 
 def test_a_page_comes_back_by_itself_after_a_restart_of_the_server(

@@ -123,13 +123,13 @@ from arm3dof.runtime.live.eye_process import EyeSpec
 from arm3dof.runtime.live.tuned import Tuned
 from arm3dof.ui.demo_scene import demo_table
 from arm3dof.ui.server import LocalServer
-from arm3dof.ui.studio.site import build_site
+from arm3dof.ui.studio.site import WATCHED, build_site
 from arm3dof.ui.studio.studio import Studio
 robot = load_robot()
 eye = EyeSpec(load_camera("desk").camera, Watch(()), demo_table(np.random.default_rng(0)))
 live = Studio(Tuned(), robot, np.zeros(robot.nv), eye, Path(sys.argv[1]), file_store())
 try:
-    with LocalServer(build_site(live)) as server:
+    with LocalServer(build_site(live), watched=WATCHED) as server:
         print(server.port, flush=True)
         for _ in sys.stdin:
             gc.collect()

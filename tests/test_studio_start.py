@@ -91,7 +91,7 @@ from arm3dof.cli.studio import eye_spec, file_store
 from arm3dof.model.library import load_robot
 from arm3dof.runtime.live.tuned import Tuned
 from arm3dof.ui.server import LocalServer
-from arm3dof.ui.studio.site import build_site
+from arm3dof.ui.studio.site import WATCHED, build_site
 from arm3dof.ui.studio.start import home
 from arm3dof.ui.studio.studio import Studio
 import nicegui.ui_run_with as starting
@@ -108,7 +108,7 @@ starting.gc = SimpleNamespace(get_objects=get_objects)
 with tempfile.TemporaryDirectory() as folder:
     eye = eye_spec("world", None)
     studio = Studio(Tuned(), robot, home(robot), eye, Path(folder), file_store())
-    with LocalServer(build_site(studio)) as server:
+    with LocalServer(build_site(studio), watched=WATCHED) as server:
         urlopen(server.url).read()
         walks.append(running())
     studio.close()

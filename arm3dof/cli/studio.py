@@ -100,7 +100,7 @@ def studio(
     check_entry(host, token)
     prepare()  # what the arm and the eye need loads beside what the page needs
     from arm3dof.ui.server import LocalServer
-    from arm3dof.ui.studio.site import build_site
+    from arm3dof.ui.studio.site import WATCHED, build_site
     from arm3dof.ui.studio.start import home
     from arm3dof.ui.studio.studio import Studio
 
@@ -117,7 +117,7 @@ def studio(
 
     live = Studio(tuned, arm, home(arm), eye, folder, file_store())
     try:
-        serve = partial(LocalServer, build_site(live), host=host, token=token)
+        serve = partial(LocalServer, build_site(live), host=host, token=token, watched=WATCHED)
         serve_until_interrupted(serve, port, browser=browser, announce=announce)
     finally:
         live.close()

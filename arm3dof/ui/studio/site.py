@@ -30,8 +30,11 @@ POLICY = (
 RECONNECT = 3.0
 """How long a tab that lost its connection may take to come back as the same tab [s]."""
 STALL = 10.0
-"""How long a tab may be too busy to answer before it counts as lost [s]: a page on a slow machine
-that stalls for a while is not to be loaded anew, for it would lose the controls."""
+"""How long a page may be too busy to answer before its tab counts as lost [s]: one on a slow
+machine that stalls for a while is not to be loaded anew, for it would lose the controls."""
+WATCHED = ("/_nicegui_ws/",)
+"""Where a tab and its controls hang: the server pings these websockets, and the browser answers
+however busy the page is, so that a tab that is gone is noticed in some three seconds."""
 # what a client asks for in vain, or says wrongly, is no news for the terminal
 _LOUDEST = {
     "nicegui": logging.ERROR,
