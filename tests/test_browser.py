@@ -227,6 +227,8 @@ def test_a_slow_machine_draws_motion_coarser_and_rest_in_full(
         sun = "viewer.scene_tree.find(['Lights', 'Key', '<object>']).object"
         page.evaluate("quality.slow = 0")  # every frame comes too late
         wait_until(page, "quality.level === quality.levels.length - 1")
+        assert page.evaluate("viewer.renderer.getPixelRatio()") == 1  # so small a picture
+        page.evaluate("quality.enough = 0, quality.apply()")
         assert page.evaluate("viewer.renderer.getPixelRatio()") < 0.5
         assert not page.evaluate(f"{sun}.castShadow")
         page.evaluate("quality.slow = 1e6")  # and now each is in time

@@ -78,6 +78,7 @@ function leaveRoom() {
 }
 new ResizeObserver(() => {
   viewer.set_3d_pane_size();
+  quality.apply();
   leaveRoom();
   if (!camera.moved && camera.views.length) camera.show(camera.shown);
 }).observe($("#stage"));
