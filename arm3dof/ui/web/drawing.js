@@ -31,7 +31,7 @@ var quality = { // var: a page around this one, and tests, reach it
     { ratio: 0.7, shadows: false },
     { ratio: 0.45, shadows: false },
   ],
-  enough: 200_000, // pixels: so small a picture is not drawn coarser, for they are not what it costs
+  enough: 100_000, // pixels: so small a picture is not drawn coarser, for they are not what it costs
   slow: 40, // ms between two frames of a motion
   still: 1500, // ms without a new frame
   patience: 60, // frames in time after which a finer level is tried; twice as many after each
