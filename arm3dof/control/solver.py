@@ -226,11 +226,11 @@ class ProgramSolver:
             working: its limits.
             inside: which of them are expected to push with less than their price.
         """
-        C, b, through, price = working[1:5]
+        C, b, through = working.C, working.b, working.through
         if not b.size:
             return program.w_free, b, QpStatus.SOLVED
         gradient = b - C.dot(program.w_free)  # faster than @ for so few rows
-        solution = solve_box(through.dot(C.T), gradient, price, inside, self._settings)
+        solution = solve_box(through.dot(C.T), gradient, working.price, inside, self._settings)
         return program.w_free - solution.x.dot(through), solution.x, solution.status
 
 
