@@ -50,6 +50,15 @@ def test_dependent_rows_are_solved_and_the_same_to_the_last_bit():
         np.testing.assert_array_equal(solution.x, again.x)
 
 
+@pytest.mark.parametrize("guess", [True, False])
+def test_a_hessian_that_is_not_finite_is_never_solved(guess):
+    H = np.eye(3)
+    H[2, 1] = H[1, 2] = np.nan
+    for g in (np.ones(3), -np.ones(3)):
+        solution = solve_box(H, g, np.ones(3), [guess] * 3, QpSettings())
+        assert solution.status is QpStatus.NOT_FINITE
+
+
 def test_rows_that_no_point_satisfies_are_found_out():
     H = np.array([[1.0, -1.0], [-1.0, 1.0]])  # w <= -1 and -w <= -1
     x, status = solve_by_active_set(H, -np.ones(2), np.full(2, UNBOUNDED), 1e-8, 100)

@@ -8,6 +8,7 @@ from arm3dof.control import solver
 from arm3dof.control.horizon_torque import HorizonTorque
 from arm3dof.control.motion import MotionMap
 from arm3dof.control.mpc import MpcController
+from arm3dof.control.program import sizes
 from arm3dof.control.qp import QpStatus
 from arm3dof.control.reference import JointTrajectory, sample_target
 from arm3dof.control.settings import MpcSettings
@@ -91,6 +92,12 @@ def test_tangents_are_derivatives_of_the_true_torque_along_the_plan():
             scale = max(np.abs(numeric).max(), 1.0)
             numeric = np.concatenate((numeric, -numeric))
             np.testing.assert_allclose(slopes @ way, numeric, atol=1e-6 * scale)
+
+
+def test_a_tangent_that_rounding_has_spoilt_has_no_size_and_a_fixed_value_has_one():
+    slopes = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
+    through = np.array([[4.0, 0.0], [0.0, 0.0], [0.0, -1e-20]])
+    np.testing.assert_array_equal(sizes(slopes, through), [2.0, 1.0, np.nan])
 
 
 def test_without_an_active_limit_the_answer_is_the_optimum_of_the_nonlinear_program():

@@ -120,7 +120,7 @@ def _from_places(H: Array, g: Array, u: Array, places: Sequence[int]) -> _Point:
         x[at] = u[at]
         pull = H.dot(x) + g
     if _INSIDE not in places:
-        return _Point(x, -pull, 0.0)
+        return _Point(x, -(H.dot(x) + g), 0.0)  # with H, though x is zero: it may hold NaN
     count = places.count(_INSIDE)
     # as they were guessed those inside come first, and a slice is faster
     k: slice | NDArray[np.intp] = slice(count)

@@ -15,6 +15,21 @@ from numpy.typing import NDArray
 from arm3dof.state import Array
 
 
+def sizes(slopes: Array, through: Array) -> Array:
+    """Return the sizes of tangents, shape (k,); 1 for a value that is fixed.
+
+    Where rounding has left nothing of a size it is NaN, so that nobody takes it for one.
+
+    Args:
+        slopes: shape (k, n).
+        through: ``slopes @ H^-1``, shape (k, n).
+    """
+    squared = np.einsum("ij,ij->i", through, slopes)
+    squared[~slopes.any(axis=1)] = 1.0
+    squared[squared <= 0.0] = np.nan
+    return np.asarray(np.sqrt(squared))
+
+
 class Tangents(NamedTuple):
     """Tangents of limited values, each in units of its size: ``slopes @ w + offsets``.
 
@@ -41,10 +56,9 @@ class Tangents(NamedTuple):
         through = slopes.dot(program.hessian_inverse)
         if program.refine:
             through += (slopes - through @ program.hessian) @ program.hessian_inverse
-        size = np.sqrt(np.einsum("ij,ij->i", through, slopes))
-        scale = (1.0 / np.where(size > 0.0, size, 1.0))[:, np.newaxis]  # one that is fixed stays
-        scaled, offsets, size = scale * slopes, scale[:, 0] * offsets, 1.0 / scale[:, 0]
-        return Tangents(scaled, offsets, scale * through, size, exact)
+        size = sizes(slopes, through)
+        column = size[:, np.newaxis]
+        return Tangents(slopes / column, offsets / size, through / column, size, exact)
 
 
 class Program(Protocol):

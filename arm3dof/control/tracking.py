@@ -24,7 +24,7 @@ from arm3dof.control.formulation import (
 from arm3dof.control.horizon_torque import HorizonTorque
 from arm3dof.control.motion import MotionMap
 from arm3dof.control.prediction import condense, double_integrator, quadratic_cost
-from arm3dof.control.program import Tangents
+from arm3dof.control.program import Tangents, sizes
 from arm3dof.control.reference import Reference
 from arm3dof.control.settings import MpcSettings
 from arm3dof.model.robot import Robot
@@ -128,13 +128,11 @@ class LinearTangents:
         """
         count = len(slopes) // 2
         through = slopes @ hessian_inverse
-        size = np.sqrt(np.einsum("ij,ij->i", through, slopes))[:, np.newaxis]
-        size[size == 0.0] = 1.0  # a value that no decision reaches
+        self._size = np.tile(sizes(slopes, through), 2)
         self._slopes, self._through, self._by_state = (
-            np.vstack([rows, -rows]) / np.vstack([size, size])
+            np.vstack([rows, -rows]) / self._size[:, np.newaxis]
             for rows in (slopes, through, by_state)
         )
-        self._size = np.tile(size.ravel(), 2)
         self.is_torque = np.tile(np.arange(3 * count) < count, 2)
         # of a torque some row is taken, and overwritten
         self._row = np.cumsum(~self.is_torque) - 1
