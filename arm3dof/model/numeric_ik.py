@@ -1,6 +1,6 @@
-"""Inverse kinematics of any robot by a deterministic numerical search (SciPy's solvers).
+"""Inverse kinematics of any robot by a deterministic numerical search.
 
-Bounded least squares (dogbox) finds a root of FK(q) = p from each of several starts; SLSQP then
+Bounded least squares (``dogbox``) finds a root of FK(q) = p from each of several starts; SLSQP then
 slides it along the posture's freedom, nearest to a reference, so that the answers are the distinct
 postures and not arbitrary ones. Both keep every joint inside its limits.
 
@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, least_squares, minimize
+from scipy.optimize import Bounds, minimize
 
+from arm3dof.model.dogbox import least_squares
 from arm3dof.model.reach import Reach, Reason, joint_at_fault
 from arm3dof.model.robot import Robot
 from arm3dof.model.turns import excess, into_limits
@@ -122,6 +123,10 @@ class _Tool:
     def position(self, q: Array) -> Array:
         """Return the tool point in the base frame, shape (3,) [m]."""
         pin.forwardKinematics(self._model, self._data, q)
+        return self.placed()
+
+    def placed(self) -> Array:
+        """Return the tool point where position or Jacobian was last computed, shape (3,) [m]."""
         placement = pin.updateFramePlacement(self._model, self._data, self._frame)
         return np.array(placement.translation)
 
@@ -205,18 +210,15 @@ def _root(tool: _Tool, p: Array, box: _Box, start: Array, *, patient: bool = Fal
     ``patient``: at the border of the workspace, where the Jacobian is singular, creeping is all
     that least squares can do.
     """
-    result = least_squares(
+    q, missing = least_squares(
         lambda q: tool.position(q) - p,
-        start,
         tool.jacobian,
-        bounds=(box.low, box.high),
-        method="dogbox",
-        xtol=1e-15,
-        ftol=1e-15 if patient else 1e-3,
-        gtol=1e-15,
-        max_nfev=400 if patient else 40,
+        start,
+        (box.low, box.high),
+        least_gain=1e-15 if patient else 1e-3,
+        most_residuals=400 if patient else 40,
     )
-    return np.array(result.x) if np.linalg.norm(result.fun) <= REACHED else None
+    return q if np.linalg.norm(missing) <= REACHED else None
 
 
 def _settle(tool: _Tool, p: Array, box: _Box, root: Array) -> Array:
@@ -241,10 +243,19 @@ def _nearest(tool: _Tool, p: Array, box: _Box, starts: list[Array]) -> Array:
     best, best_distance = starts[0], math.inf
     for start in starts:
         scale = math.dist(tool.position(start), p)
+
+        def square(q: Array, scale: float = scale) -> float:
+            missing = tool.position(q) - p
+            return 0.5 * float(missing.dot(missing)) / scale
+
+        def slope(q: Array, scale: float = scale) -> Array:
+            jacobian = tool.jacobian(q)
+            return np.asarray((tool.placed() - p).dot(jacobian) / scale)
+
         result = minimize(
-            lambda q, scale=scale: 0.5 * np.sum((tool.position(q) - p) ** 2) / scale,
+            square,
             start,
-            jac=lambda q, scale=scale: (tool.position(q) - p) @ tool.jacobian(q) / scale,
+            jac=slope,
             bounds=Bounds(box.low, box.high),
             method="SLSQP",
             options={"maxiter": 200, "ftol": 1e-15},
