@@ -124,7 +124,7 @@ class Bounds(NamedTuple):
             values: shape (kinds, N, nv).
         """
         kept = (values <= self.most) & (values >= self.least)
-        return bool(np.count_nonzero(kept) == kept.size)  # faster than all()
+        return b"\0" not in kept.tobytes()  # many times faster than all()
 
     def excess(self, values: Array) -> Array:
         """Return by how much values are above the upper and below the lower limits.

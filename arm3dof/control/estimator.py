@@ -17,6 +17,7 @@ from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from operator import mul
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,7 +35,21 @@ _SMOOTH = 4  # degrees of freedom of a smooth curve through them
 _ROUGHNESS_MEMORY = 0.8  # weight of the past in what is known of the noise, in each step
 _GROWTH = 10.0  # most that one sample may be rougher than what is known, as a variance
 _GAP_MEMORY = 0.98
-_SLOW = (1.0, 0.3)  # [rad/s^2, rad/s]: motion in which a gap begins to tell less about noise
+_GENTLE, _SLOW = 1.0, 0.3  # [rad/s^2, rad/s]: beyond, a gap begins to tell less about noise
+
+
+class Sample(NamedTuple):
+    """What happened in a sample as far as it can be told, joint by joint.
+
+    Attributes:
+        q: positions in its middle [rad].
+        v: mean velocities [rad/s].
+        lasting: accelerations beyond the expected ones that are expected to last [rad/s^2].
+    """
+
+    q: list[float]
+    v: list[float]
+    lasting: list[float]
 
 
 class StateEstimator:
@@ -43,6 +58,8 @@ class StateEstimator:
     Attributes:
         q: estimated positions, shape (nv,) [rad].
         v: estimated velocities, shape (nv,) [rad/s].
+        noise: believed standard deviation of a measured position, of each joint [rad].
+        most_noise: the largest of them [rad].
     """
 
     def __init__(self, nv: int, dt: float, learning: float, noise: float | None) -> None:
@@ -56,31 +73,25 @@ class StateEstimator:
         """
         self._nv, self._dt, self._learning, self._given = nv, dt, learning, noise
         self._gains, self._share = gains(dt, learning, 1), learning / dt
+        self._per_sample = dt**-2
         # a surprise is read from the most telling measurements: [q, v], or [mean, slope]
-        self._telling = {2: (2 / dt**2, 1 / dt), 4: (6 / dt**2, 2 / dt)}
+        self._telling = {0: (2 / dt**2, 1 / dt), 2: (6 / dt**2, 2 / dt)}
+        self._no_others: list[tuple[float, ...]] = [()] * nv
         self._readings, self._first_time = np.empty((_MOST, nv)), 0.0
         self._gap_variance = 2.0 + (VELOCITY_NOISE * dt) ** 2 / 2  # of noise of variance 1
         self.reset()
 
-    @property
-    def noise(self) -> list[float]:
-        """Believed standard deviation of a measured position, of each joint [rad]."""
-        return self._noise
-
-    @property
-    def most_noise(self) -> float:
-        """The largest of them, over the joints [rad]."""
-        return max(self._noise)
-
     def reset(self) -> None:
         """Forget the past."""
-        self._noise = [self._given or 0.0] * self._nv
         self._variance, self._weight = [0.0] * self._nv, 0.0
+        self.most_noise = self._given or 0.0
+        self.noise = [self.most_noise] * self._nv
         self.restart(JointState(0.0, np.zeros(self._nv), np.zeros(self._nv)))
 
     def restart(self, state: JointState) -> None:
         """Believe a measurement that does not follow from those before."""
         self.q, self.v = state.q, state.v
+        self._numbers = state.q.tolist(), state.v.tolist()
         self._surprise = [_LEAST_SURPRISE] * self._nv
         self._read = 0
 
@@ -96,7 +107,7 @@ class StateEstimator:
             self._readings[self._read] = state.q
             self._read += 1
 
-    def update(self, u: Array, gap: Iterable[float], state: JointState) -> list[float]:
+    def update(self, u: Array, gap: Iterable[float], state: JointState) -> Sample:
         """Take in a measurement at the end of a sample.
 
         Args:
@@ -106,89 +117,92 @@ class StateEstimator:
             state: the measurement.
 
         Returns:
-            Each joint's acceleration beyond ``u`` that is expected to last [rad/s^2].
+            What happened in the sample.
         """
         # plain numbers, joint by joint: arrays this small cost more than what is done with them
-        dt, half, readings, pushed = self._dt, self._dt / 2, self._sample(state), u.tolist()
+        readings, expected = self._sample(state), u.tolist()
         if self._given is None:
             if readings is None:
-                self._learn_from_gap(gap, pushed)
+                self._learn_from_gap(gap, expected)
             else:
                 self._learn_from_roughness(readings)
-        q_now, v_now = state.q.tolist(), state.v.tolist()
-        sample = zip(self.q.tolist(), self.v.tolist(), pushed, q_now, v_now, strict=True)
-        new = [(q1 - q - dt * (v + half * a), v1 - v - dt * a) for q, v, a, q1, v1 in sample]
-        if max(self._noise) < _NEGLIGIBLE:
-            self.q, self.v = state.q, state.v
-            return [self._share * fast for _, fast in new]
+        if self.most_noise < _NEGLIGIBLE:
+            return self._believe(state, expected)
         if readings is None:
-            return self._filter(state, q_now, v_now, new, self._gains)
-        seen = sensor(dt, len(readings))
-        led = np.stack((q_now, v_now, pushed))
-        led[:2] -= np.transpose(new)
-        telling = (seen.summary @ readings - seen.of_state[2:] @ led).T.tolist()
-        more = [(*own, *others) for own, others in zip(new, telling, strict=True)]
-        table = gains(dt, self._learning, len(readings))
-        return self._filter(state, q_now, v_now, more, table)
+            return self._filter(state, expected, self._no_others, self._gains)
+        dt, seen = self._dt, sensor(self._dt, len(readings))
+        led = np.stack((self.q + dt * (self.v + dt / 2 * u), self.v + dt * u, u))
+        others = (seen.summary @ readings - seen.of_state[2:] @ led).T.tolist()
+        return self._filter(state, expected, others, gains(dt, self._learning, len(readings)))
+
+    def _believe(self, state: JointState, u: list[float]) -> Sample:
+        """Take the measurement for the state."""
+        dt, share, (q, v) = self._dt, self._share, self._numbers
+        self.q, self.v = state.q, state.v
+        self._numbers = q_now, v_now = state.q.tolist(), state.v.tolist()
+        q_middle = [0.5 * (start + end) for start, end in zip(q, q_now, strict=True)]
+        v_middle = [0.5 * (start + end) for start, end in zip(v, v_now, strict=True)]
+        speeds = zip(v, v_now, u, strict=True)
+        return Sample(q_middle, v_middle, [share * (v1 - v0 - dt * a) for v0, v1, a in speeds])
 
     def _filter(
-        self,
-        state: JointState,
-        q_now: list[float],
-        v_now: list[float],
-        new: Sequence[tuple[float, ...]],
-        table: Gains,
-    ) -> list[float]:
+        self, state: JointState, u: list[float], others: Sequence[Sequence[float]], table: Gains
+    ) -> Sample:
         """Correct the estimate by what was not expected, and be surprised by it.
 
         Args:
             state: the measurement.
-            q_now: its positions, of each joint [rad].
-            v_now: its velocities [rad/s].
-            new: innovations, of each joint that of its position, of its velocity, and others; the
-                last two tell most of a surprise.
-            table: what they are worth.
+            u: expected accelerations [rad/s^2].
+            others: innovations of each joint beyond those of position and velocity: none, or two
+                which tell more of a surprise than these.
+            table: what innovations are worth.
 
         Returns:
-            Each joint's acceleration that is expected to last [rad/s^2].
+            What happened in the sample.
         """
-        edges, believes, per_sample = table.edges, True, self._dt**-2
-        far, fast = self._telling[len(new[0])]
-        positions, velocities, lasting, surprises = [], [], [], []
-        joints = zip(q_now, v_now, new, self._noise, self._surprise, strict=True)
-        for q, v, innovations, noise, surprise in joints:
-            scale = noise * per_sample
+        dt, half, per_sample = self._dt, self._dt / 2, self._per_sample
+        edges, gain, telling = table
+        far, fast = self._telling[len(others[0])]
+        positions, velocities, surprises, believes = [], [], [], True
+        q_middle, v_middle, lastings = [], [], []
+        measured = state.q.tolist(), state.v.tolist()
+        known = *self._numbers, u, *measured, self.noise, self._surprise, others
+        for q, v, a, q1, v1, noise, surprise, more in zip(*known, strict=True):
+            too_far, too_fast = q1 - q - dt * (v + half * a), v1 - v - dt * a
+            place, rate = more or (too_far, too_fast)
+            scale, likely = noise * per_sample, _SURPRISING * surprise
             row = bisect_left(edges, scale / surprise)
-            (spread, spread_rate), likely = table.telling[row], _SURPRISING * surprise
-            distance = far * (abs(innovations[-2]) - likely * spread)
-            speed = fast * (abs(innovations[-1]) - likely * spread_rate)
+            spread, spread_rate = telling[row]
+            distance = far * (abs(place) - likely * spread)
+            speed = fast * (abs(rate) - likely * spread_rate)
             if distance > surprise or speed > surprise:
                 surprise = max(distance, speed)
                 row = bisect_left(edges, scale / surprise)
             calmer = _CALMING * surprise
             surprises.append(calmer if calmer > _LEAST_SURPRISE else _LEAST_SURPRISE)
             if row == 0:  # it believes what is measured
-                positions.append(q)
-                velocities.append(v)
-                lasting.append(self._share * innovations[1])
-                continue
-            believes = False
-            to_q, to_v, to_lasting = table.gain[row]
-            if len(innovations) == 2:  # the usual case, written out
-                far_off, too_fast = innovations
-                positions.append(q - far_off + to_q[0] * far_off + to_q[1] * too_fast)
-                velocities.append(v - too_fast + to_v[0] * far_off + to_v[1] * too_fast)
-                lasting.append(to_lasting[0] * far_off + to_lasting[1] * too_fast)
+                q_new, v_new, lasting = q1, v1, self._share * too_fast
             else:
-                positions.append(q - innovations[0] + sum(map(mul, to_q, innovations)))
-                velocities.append(v - innovations[1] + sum(map(mul, to_v, innovations)))
-                lasting.append(sum(map(mul, to_lasting, innovations)))
-        self._surprise = surprises
+                believes, of_q, of_v = False, q1 - too_far, v1 - too_fast
+                if more:
+                    seen = too_far, too_fast, *more
+                    by_q, by_v, lasting = (sum(map(mul, worth, seen)) for worth in gain[row])
+                else:  # the usual case, written out
+                    (qq, qv), (vq, vv), (lq, lv) = gain[row]
+                    by_q, by_v = qq * too_far + qv * too_fast, vq * too_far + vv * too_fast
+                    lasting = lq * too_far + lv * too_fast
+                q_new, v_new = of_q + by_q, of_v + by_v
+            positions.append(q_new)
+            velocities.append(v_new)
+            q_middle.append(0.5 * (q + q_new))
+            v_middle.append(0.5 * (v + v_new))
+            lastings.append(lasting)
+        self._surprise, self._numbers = surprises, (positions, velocities)
         if believes:
             self.q, self.v = state.q, state.v
         else:
             self.q, self.v = np.array(positions), np.array(velocities)
-        return lasting
+        return Sample(q_middle, v_middle, lastings)
 
     def _sample(self, state: JointState) -> Array | None:
         """Return the readings of a sample, shape (count, nv), if they are many and evenly spaced.
@@ -212,19 +226,22 @@ class StateEstimator:
         if self._weight > 0:  # a blow within the sample is rough as well, but only once
             variance = np.minimum(variance, _GROWTH * known + _NEGLIGIBLE**2)
         self._weight = _ROUGHNESS_MEMORY * self._weight + 1.0
-        self._variance = (known + (variance - known) / self._weight).tolist()
-        self._noise = list(map(math.sqrt, self._variance))
+        self._know((known + (variance - known) / self._weight).tolist())
 
     def _learn_from_gap(self, gap: Iterable[float], u: list[float]) -> None:
         """Learn the noise from how far a position is from where the velocities lead."""
-        hardest, fastest = max(map(abs, u)) / _SLOW[0], max(map(abs, self.v.tolist())) / _SLOW[1]
-        weight = 1.0 / (1.0 + hardest * hardest + fastest * fastest) ** 2
+        hardest, fastest = max(map(abs, u)) / _GENTLE, max(map(abs, self._numbers[1])) / _SLOW
+        calm = 1.0 / (1.0 + hardest * hardest + fastest * fastest)
+        weight = calm * calm
         self._weight = _GAP_MEMORY * self._weight + weight
         share = weight / (self._weight + 1.0)  # 1: the belief that there is none, to begin with
         kept, per_gap = 1 - share, share / self._gap_variance
         joints = zip(self._variance, gap, strict=True)
-        self._variance = [kept * known + per_gap * g * g for known, g in joints]
-        self._noise = list(map(math.sqrt, self._variance))
+        self._know([kept * known + per_gap * g * g for known, g in joints])
+
+    def _know(self, variance: list[float]) -> None:
+        self._variance, self.noise = variance, list(map(math.sqrt, variance))
+        self.most_noise = max(self.noise)
 
 
 @lru_cache(maxsize=16)

@@ -21,6 +21,7 @@ class Answer(NamedTuple):
         tau: torque, not yet limited, shape (nv,) [N m].
         rigid: the part of it that does not fight dry friction, shape (nv,) [N m].
         u: the controller's input of (22), shape (nv,) [rad/s^2].
+        acceleration: what the torque is meant to give, shape (nv,) [rad/s^2].
         plan: what the arm is expected to do, at least one stage.
         source: where the torque comes from.
     """
@@ -28,6 +29,7 @@ class Answer(NamedTuple):
     tau: Array
     rigid: Array
     u: Array
+    acceleration: Array
     plan: Plan
     source: TorqueSource
 
@@ -79,7 +81,7 @@ class Fallback:
         if believed is None:
             nothing = np.zeros(self._robot.nv)
             plan = Plan.of_one_stage(nothing, nothing, nothing)
-            return Answer(nothing, nothing, nothing, plan, TorqueSource.BRAKING)
+            return Answer(nothing, nothing, nothing, nothing, plan, TorqueSource.BRAKING)
         valid = self._plan is not None and self._age <= min(
             self._most_steps,
             len(self._plan.u) - 2,  # the last row repeats the one before
@@ -93,7 +95,7 @@ class Fallback:
             source = TorqueSource.BRAKING
         tau = self._robot.inverse_dynamics(believed.q, believed.v, u) - disturbance
         rigid = tau - self._robot.friction * np.sign(believed.v)
-        return Answer(tau, rigid, u, rest, source)
+        return Answer(tau, rigid, u, u, rest, source)
 
     def _believed(self) -> JointState | None:
         """Return where the plan says that the arm is now; at rest once the plan has ended."""

@@ -55,6 +55,7 @@ class LoadEstimator:
         self._damping = nominal.damping.tolist()
         per_kilogram = max(float((self._heaviest() / scale).max()), 1e-6)
         self._most_load = 1.0 / per_kilogram
+        self._same_load = _SAME * self._most_load
         self._load_prior = (_LOAD_PRIOR * self._most_load) ** -2.0
         self._error_prior = _MASS_ERROR_PRIOR**-2.0
         self._taught = 0.0, 0.0
@@ -103,30 +104,38 @@ class LoadEstimator:
         determinant = yy * ss - ys * ys
         load = (ss * yr - ys * sr) / determinant
         error = (yy * sr - ys * yr) / determinant
-        self.load = min(max(load, 0.0), self._most_load)
-        self.mass_error = min(max(error, _MASS_ERROR_RANGE[0]), _MASS_ERROR_RANGE[1])
+        most = self._most_load
+        self.load = load if 0.0 <= load <= most else min(max(load, 0.0), most)
+        least, most = _MASS_ERROR_RANGE
+        self.mass_error = error if least <= error <= most else min(max(error, least), most)
 
-    def left(self) -> list[float]:
-        """Return what the taught load and mass error leave of ``unexplained`` [N m]."""
+    def left(self, beside: list[float]) -> list[float]:
+        """Return what the taught load and mass error leave of ``unexplained`` [N m].
+
+        Args:
+            beside: what acts beside them and is known, joint by joint [N m].
+        """
         load, error = self._taught
-        return [r - load * y - error * s for y, s, r in self._motion]
+        joints = zip(self._motion, beside, strict=True)
+        return [r - load * y - error * s + known for (y, s, r), known in joints]
 
-    def teach(self) -> bool:
-        """Give what was learned to the robot.
+    def teach(self) -> list[float] | None:
+        """Give what was learned to the robot, if it differs from what was taught last.
 
         Returns:
-            Whether it differs from what was taught last by enough to matter.
+            How much more of ``unexplained`` that explains [N m]; ``None`` if it is about the same.
         """
         new, (load, error) = (self.load, self.mass_error), self._taught
-        near = abs(new[0] - load) < _SAME * self._most_load and abs(new[1] - error) < _SAME
+        more_load, more_error = new[0] - load, new[1] - error
+        near = abs(more_load) < self._same_load and abs(more_error) < _SAME
         if near and new != (0.0, 0.0):
-            return False
+            return None
         self._taught = new
         unknowns = np.array((1 + self.mass_error, self.load))
         bodies = self._by_unknown.dot(unknowns).reshape(-1, _PARAMETERS)
         for joint in range(1, len(bodies)):  # joint 0 is the world
             self._inertias[joint] = pin.Inertia.FromDynamicParameters(bodies[joint])
-        return True
+        return [more_load * y + more_error * s for y, s, _ in self._motion]
 
     def _heaviest(self) -> Array:
         """Return the largest torque that gravity on a unit load takes, over sampled poses."""

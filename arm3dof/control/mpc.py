@@ -60,6 +60,7 @@ class MpcController:
         wish = self.settings
         self.observer = Observer(self.robot, wish.dt, wish.gain, wish.delay, wish.measurement_noise)
         self._formulation: Formulation = _FORMULATIONS[wish.formulation](self.robot, wish)
+        self._is_papers = wish.formulation == "paper"
         self._solver = ProgramSolver(wish.qp_settings)
         self._fallback = Fallback(self.robot, wish.dt, wish.plan_validity)
         tau_max = robot.limits.tau_max
@@ -149,9 +150,10 @@ class MpcController:
         if self._has_friction:
             tau = rigid + self._friction_compensation(plan.states[1, 0])
         status = ControlStatus.SOFTENED if optimum.softened else ControlStatus.SOLVED
+        acceleration = plan.u[0]
         # the paper's u leaves the Coriolis torque out; otherwise u is the acceleration
-        u = optimum.w[: tau.size] if self.settings.formulation == "paper" else plan.u[0]
-        answer = Answer(tau, rigid, u, plan, TorqueSource.OPTIMUM)
+        u = optimum.w[: tau.size] if self._is_papers else acceleration
+        answer = Answer(tau, rigid, u, acceleration, plan, TorqueSource.OPTIMUM)
         return self._finish(answer, reference, status, start)
 
     def observe(self, state: JointState) -> None:
@@ -270,7 +272,8 @@ class MpcController:
     def _within_rate(self, optimum: Optimum) -> Array:
         """Return the torque of stage 0; a limit of its change holds to the last digit."""
         if self._most_change is None:
-            return np.asarray(optimum.values[TORQUE, 0])
+            tau: Array = optimum.values[TORQUE, 0]
+            return tau
         last = optimum.bounds.last_torque
         change = np.minimum(
             np.maximum(optimum.tau[0] - last, -self._most_change), self._most_change
@@ -288,6 +291,10 @@ class MpcController:
             raise InputError(f"torque_rate is {rate!r}; give positive numbers of N m/s")
         return change
 
+    def _limited(self, tau: Array) -> Array:
+        wished = zip(tau.tolist(), self._tau_max, strict=True)
+        return np.array([0.0 if isnan(t) else min(max(t, -most), most) for t, most in wished])
+
     def _friction_compensation(self, v_next: Array) -> Array:
         return self._friction * np.minimum(np.maximum(v_next / _STICTION_SPEED, -1.0), 1.0)
 
@@ -300,21 +307,20 @@ class MpcController:
     def _finish(
         self, answer: Answer, reference: Reference, status: ControlStatus, start: float
     ) -> ControlStep:
-        wished = zip(answer.tau.tolist(), self._tau_max, strict=True)
-        tau = np.array([t if -most <= t <= most else _limited(t, most) for t, most in wished])
+        tau = answer.tau
+        for torque, most in zip(tau.tolist(), self._tau_max, strict=True):
+            if not -most <= torque <= most:
+                tau = self._limited(tau)
+                break
         if answer.tau is answer.rigid:
-            self.observer.command(answer.plan.u[0], tau)
+            self.observer.command(answer.acceleration, tau)
         else:
-            self.observer.command(answer.plan.u[0], tau - (answer.tau - answer.rigid))
+            self.observer.command(answer.acceleration, tau - (answer.tau - answer.rigid))
         self._tau = tau
         spent = time.perf_counter() - start
         return PlannedStep.adopt(
             tau, answer.u, reference.q, answer.plan, status, answer.source, spent
         )
-
-
-def _limited(torque: float, most: float) -> float:
-    return 0.0 if isnan(torque) else min(max(torque, -most), most)
 
 
 def _is_finite(values: Array) -> bool:

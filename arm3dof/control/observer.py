@@ -13,7 +13,7 @@ from operator import add, gt
 
 import numpy as np
 
-from arm3dof.control.estimator import StateEstimator
+from arm3dof.control.estimator import Sample, StateEstimator
 from arm3dof.control.load import LoadEstimator
 from arm3dof.model.robot import Robot
 from arm3dof.state import Array, JointState
@@ -88,15 +88,15 @@ class Observer:
         self.jumped = True
         if last is not None:
             half = self._dt / 2
-            before, now = (last.q.tolist(), last.v.tolist()), (state.q.tolist(), state.v.tolist())
-            moves = zip(*before, *now, strict=True)
-            gap = [q1 - q - half * (v + v1) for q, v, q1, v1 in moves]
+            v, v_now = last.v.tolist(), state.v.tolist()
+            moves = zip(last.q.tolist(), v, state.q.tolist(), v_now, strict=True)
+            gap = [q1 - q0 - half * (v0 + v1) for q0, v0, q1, v1 in moves]
             self.jumped = max(map(abs, gap)) > _JUMP
             if self.jumped:
-                joints = zip(gap, self.filter.noise, before[1], now[1], strict=True)
+                joints = zip(gap, self.filter.noise, v, v_now, strict=True)
                 self.jumped = any(
-                    abs(far) > _JUMP + _JUMP_NOISE * noise + half * abs(v1 - v)
-                    for far, noise, v, v1 in joints
+                    abs(far) > _JUMP + _JUMP_NOISE * noise + half * abs(v1 - v0)
+                    for far, noise, v0, v1 in joints
                 )
         if self.jumped or self._known < len(self._commands):
             self.filter.restart(state)  # what acted before the first command is not known
@@ -105,20 +105,8 @@ class Observer:
         if self._part > 0:  # the command before it acted for the first part of the sample
             share, before = self._part / self._dt, self._commands[0]
             u, torque = u + share * (before[0] - u), torque + share * (before[1] - torque)
-        q, v = self.filter.q, self.filter.v
-        lasting = self.filter.update(u, gap, state)
-        if self._gain == 0:
-            return False
-        gain = self._gain
-        positions = zip(q.tolist(), self.filter.q.tolist(), strict=True)
-        velocities = zip(v.tolist(), self.filter.v.tolist(), strict=True)
-        accelerations = zip(u.tolist(), lasting, strict=True)
-        return self._learn(
-            np.array([0.5 * (start + end) for start, end in positions]),
-            np.array([0.5 * (start + end) for start, end in velocities]),
-            np.array([meant + more / gain for meant, more in accelerations]),
-            torque,
-        )
+        sample = self.filter.update(u, gap, state)
+        return self._gain > 0 and self._learn(sample, u, torque)
 
     def lose(self) -> None:
         """Note that this step's measurement cannot be believed."""
@@ -152,31 +140,32 @@ class Observer:
         self._commands.append((acceleration, torque))
         self._known += 1
 
-    def _learn(self, q: Array, v: Array, acceleration: Array, torque: Array) -> bool:
-        unexplained = self.estimator.unexplained(q, v, acceleration, torque)
+    def _learn(self, sample: Sample, u: Array, torque: Array) -> bool:
+        per_gain = 1.0 / self._gain
+        meant = zip(u.tolist(), sample.lasting, strict=True)
+        acceleration = [expected + per_gain * more for expected, more in meant]
+        motion = np.array(sample.q), np.array(sample.v), np.array(acceleration)
+        unexplained = self.estimator.unexplained(*motion, torque)
         if any(map(gt, map(abs, unexplained), self._absurd)):
             self.jumped = True  # no load or push does this: the measurements do not belong together
             return False
-        left = self.estimator.left()
-        surprise = list(map(add, left, self.disturbance.tolist()))
-        if self._leans(q, acceleration, surprise):
-            taught = False
-        else:
+        surprise = self.estimator.left(self.disturbance.tolist())
+        changes = None
+        if not self._leans(sample.q, acceleration, surprise):
             self.estimator.learn()
-            taught = self.estimator.teach()
+            changes = self.estimator.teach()
         gain, learned = self._gain, self.disturbance.tolist()
-        if taught:  # what is explained from now on is no longer a disturbance, and the reverse
-            changes = zip(learned, left, self.estimator.left(), strict=True)
-            learned = [d + (before - after) for d, before, after in changes]
+        if changes:  # what is explained from now on is no longer a disturbance, and the reverse
+            learned = list(map(add, learned, changes))
         joints = zip(learned, surprise, self._tau_max, strict=True)
         learned = [
             new if -most <= (new := d - gain * more) <= most else min(max(new, -most), most)
             for d, more, most in joints
         ]
         self.disturbance = np.array(learned)
-        return taught
+        return changes is not None
 
-    def _leans(self, q: Array, acceleration: Array, surprise: list[float]) -> bool:
+    def _leans(self, q: list[float], acceleration: list[float], surprise: list[float]) -> bool:
         """Whether a joint leans on its end stop; if so, forget what the stop does to it.
 
         A stop holds against whatever torque there is. Taken for a disturbance, it would be pushed
@@ -184,15 +173,14 @@ class Observer:
         too slowly where nothing moves, is given up while the joint should leave and stays.
         """
         near = _STOP + self.filter.most_noise
-        positions = q.tolist()
-        for at, (low, high) in zip(positions, self._range, strict=True):
+        for at, (low, high) in zip(q, self._range, strict=True):
             if not low + near < at < high - near:
                 break
         else:
             return False  # the usual case, said shortly
         leans = False
         disturbance = self.disturbance.tolist()
-        for joint, (at, (low, high)) in enumerate(zip(positions, self._range, strict=True)):
+        for joint, (at, (low, high)) in enumerate(zip(q, self._range, strict=True)):
             end = (at >= high - near) - (at <= low + near)
             missing = -end * surprise[joint]  # torque on the way away from the stop
             pressing = -end * disturbance[joint]  # what cancelling the disturbance presses with

@@ -112,16 +112,11 @@ class PlannedStep(ControlStep):
             solve_time: see ``ControlStep``.
         """
         step = object.__new__(cls)
-        tau.setflags(write=False)
-        u.setflags(write=False)
-        step.__dict__.update(
-            tau=tau,
-            u=u,
-            _motion=(target, plan),
-            status=status,
-            source=source,
-            solve_time=solve_time,
-        )
+        tau.setflags(False)  # not to be written to; said by place, for a name takes twice as long
+        u.setflags(False)
+        own = step.__dict__
+        own["tau"], own["u"], own["_motion"] = tau, u, (target, plan)
+        own["status"], own["source"], own["solve_time"] = status, source, solve_time
         return step
 
     @cached_property

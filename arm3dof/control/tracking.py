@@ -57,7 +57,7 @@ class TrackingFormulation:
         self._blocks = block_of_stage(settings)
         first = np.flatnonzero(np.diff(self._blocks, prepend=-1))
         free = first.size == horizon
-        self.first_stages = slice(None) if free else first
+        self.first_stages = slice(horizon) if free else first
         self.block_of_stage = np.append(self._blocks, self._blocks[-1])
         prediction = condense(discretise(double_integrator(nv), settings), horizon)
         cost = quadratic_cost(prediction, self.weights.Q, self.weights.R, self.weights.P)
@@ -90,24 +90,25 @@ class TrackingFormulation:
         q, v = state.q, state.v
         if len(reference.q) == 1:
             free = self._free.dot(np.concatenate((reference.q[0], v, q, disturbance)))
-            w_free, stack = free[: len(self.hessian)], free[len(self.hessian) :]
-            return TrackingProgram(self, q, v, disturbance, w_free, plan, stack)
+            free = free.reshape(-1, q.size)
+            w_free = free[-self.block_of_stage.size :][self.first_stages].ravel()
+            return TrackingProgram(self, q, v, disturbance, w_free, plan, free)
         w_free = self._state_gain @ np.concatenate((-q, v))
         w_free += self._gain @ np.hstack([reference.q, -reference.v]).ravel()
         return TrackingProgram(self, q, v, disturbance, w_free, plan)
 
     def _free_response(self, nv: int) -> Array:
-        """Return how w_free, and what follows from it, depend on [q_target; v; q; disturbance].
+        """Return how what follows from w_free depends on [q_target; v; q; disturbance].
 
-        It gives w_free, the torques but for the rigid bodies' and the motion, stacked: the shape is
-        (n + 6 N nv, 4 nv). One product with it is all that most steps need.
+        These are the torques but for the rigid bodies', and the motion, with the last acceleration
+        twice; the shape is ((6 N + 1) nv, 4 nv). One product is all that most steps need.
         """
         columns = []
         for target, v, q, disturbance in np.eye(4 * nv).reshape(-1, 4, nv):
             w_free = self._state_gain @ np.concatenate((target - q, v))
             stack = self.motion.stacked(q, v, w_free, -disturbance)
             stack[0] += self.torque.damping * stack[4]
-            columns.append(np.concatenate((w_free, stack.ravel())))
+            columns.append(np.append(stack, stack[5, -1]))
         return np.asfortranarray(np.stack(columns, axis=1))
 
 
@@ -175,8 +176,8 @@ class TrackingProgram:
             disturbance: torque that acts beside ours, shape (nv,) [N m].
             w_free: minimiser of the cost without limits, shape (n,).
             plan: accelerations of the last plan, shifted to now, shape (N, nv) [rad/s^2].
-            free: torques but for the rigid bodies' and motion at w_free, as
-                ``MotionMap.stacked`` but flattened, if they are known already.
+            free: torques but for the rigid bodies' and motion at w_free, one below the other, with
+                the last acceleration twice, shape (6 N + 1, nv), if they are known already.
         """
         self.hessian, self.hessian_inverse = formulation.hessian, formulation.hessian_inverse
         self.fixed = formulation.fixed
@@ -195,7 +196,7 @@ class TrackingProgram:
             stack = shared.motion.stacked(self._q, self._v, w, -self._disturbance)
             values = stack[:3]
         else:
-            stack = free.reshape(6, -1, self._q.size)
+            stack = free[:-1].reshape(6, -1, self._q.size)
             values = stack[:3].copy()
         shared.torque.add(stack[3], stack[4], stack[5], values[0], damping=free is None)
         return values
@@ -231,7 +232,10 @@ class TrackingProgram:
 
     def accelerations(self, w: Array) -> Array | None:
         """See ``Program.accelerations``."""
-        return w.reshape(-1, self._q.size).take(self._formulation.block_of_stage, axis=0)
+        stages = self._formulation.block_of_stage
+        if w is self.w_free and self._free is not None:
+            return self._free[-stages.size :]
+        return w.reshape(-1, self._q.size).take(stages, axis=0)
 
     def gentler(self, share: float) -> TrackingProgram:
         """See ``Program.gentler``: w_free is linear in speed and way, so it shrinks with them."""
