@@ -86,8 +86,8 @@ class JointState:
     def adopt(cls, t: float, q: Array, v: Array) -> JointState:
         """Return a state that takes over its arrays, unchecked, and freezes them."""
         state = object.__new__(cls)
-        q.setflags(False)  # not to be written to; said by place, for a name takes twice as long
-        v.setflags(False)
+        q.setflags(write=False)
+        v.setflags(write=False)
         own = state.__dict__
         own["t"], own["q"], own["v"] = t, q, v
         return state

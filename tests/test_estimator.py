@@ -45,7 +45,7 @@ class Joints:
                 estimator.observe(self.measured())
         last, self.last = self.last, self.measured()
         gap = self.last.q - last.q - DT / 2 * (self.last.v + last.v)
-        return estimator.update(u, gap, self.last).lasting
+        return estimator.update(u, gap, self.last)[2]
 
 
 def started(joints, noise=None, learning=0.5):

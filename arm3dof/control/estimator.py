@@ -17,7 +17,6 @@ from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from operator import mul
-from typing import NamedTuple
 
 import numpy as np
 
@@ -38,18 +37,9 @@ _GAP_MEMORY = 0.98
 _GENTLE, _SLOW = 1.0, 0.3  # [rad/s^2, rad/s]: beyond, a gap begins to tell less about noise
 
 
-class Sample(NamedTuple):
-    """What happened in a sample as far as it can be told, joint by joint.
-
-    Attributes:
-        q: positions in its middle [rad].
-        v: mean velocities [rad/s].
-        lasting: accelerations beyond the expected ones that are expected to last [rad/s^2].
-    """
-
-    q: list[float]
-    v: list[float]
-    lasting: list[float]
+Sample = tuple[list[float], list[float], list[float]]
+"""What happened in a sample, as far as it can be told, of each joint: its position in the middle
+[rad], its mean velocity [rad/s], and its unexpected acceleration that will last [rad/s^2]."""
 
 
 class StateEstimator:
@@ -143,7 +133,7 @@ class StateEstimator:
         q_middle = [0.5 * (start + end) for start, end in zip(q, q_now, strict=True)]
         v_middle = [0.5 * (start + end) for start, end in zip(v, v_now, strict=True)]
         speeds = zip(v, v_now, u, strict=True)
-        return Sample(q_middle, v_middle, [share * (v1 - v0 - dt * a) for v0, v1, a in speeds])
+        return q_middle, v_middle, [share * (v1 - v0 - dt * a) for v0, v1, a in speeds]
 
     def _filter(
         self, state: JointState, u: list[float], others: Sequence[Sequence[float]], table: Gains
@@ -202,7 +192,7 @@ class StateEstimator:
             self.q, self.v = state.q, state.v
         else:
             self.q, self.v = np.array(positions), np.array(velocities)
-        return Sample(q_middle, v_middle, lastings)
+        return q_middle, v_middle, lastings
 
     def _sample(self, state: JointState) -> Array | None:
         """Return the readings of a sample, shape (count, nv), if they are many and evenly spaced.

@@ -141,17 +141,18 @@ class Observer:
         self._known += 1
 
     def _learn(self, sample: Sample, u: Array, torque: Array) -> bool:
+        q, v, lasting = sample
         per_gain = 1.0 / self._gain
-        meant = zip(u.tolist(), sample.lasting, strict=True)
+        meant = zip(u.tolist(), lasting, strict=True)
         acceleration = [expected + per_gain * more for expected, more in meant]
-        motion = np.array(sample.q), np.array(sample.v), np.array(acceleration)
+        motion = np.array(q), np.array(v), np.array(acceleration)
         unexplained = self.estimator.unexplained(*motion, torque)
         if any(map(gt, map(abs, unexplained), self._absurd)):
             self.jumped = True  # no load or push does this: the measurements do not belong together
             return False
         surprise = self.estimator.left(self.disturbance.tolist())
         changes = None
-        if not self._leans(sample.q, acceleration, surprise):
+        if not self._leans(q, acceleration, surprise):
             self.estimator.learn()
             changes = self.estimator.teach()
         gain, learned = self._gain, self.disturbance.tolist()

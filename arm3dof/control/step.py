@@ -112,8 +112,8 @@ class PlannedStep(ControlStep):
             solve_time: see ``ControlStep``.
         """
         step = object.__new__(cls)
-        tau.setflags(False)  # not to be written to; said by place, for a name takes twice as long
-        u.setflags(False)
+        tau.setflags(write=False)
+        u.setflags(write=False)
         own = step.__dict__
         own["tau"], own["u"], own["_motion"] = tau, u, (target, plan)
         own["status"], own["source"], own["solve_time"] = status, source, solve_time
