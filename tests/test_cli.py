@@ -520,7 +520,7 @@ def start_program():
 def stop(process):
     """Press Ctrl-C, and return the exit code and what was said on stderr."""
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=20)
+    _, err = process.communicate(timeout=60)
     return process.returncode, err
 
 

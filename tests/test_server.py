@@ -32,7 +32,7 @@ from arm3dof.ui.meshcat_window import MeshcatWindow
 from arm3dof.ui.server import MAX_FRAME, LocalServer, serve
 from arm3dof.ui.shapes import set_property
 
-DEADLINE = 10.0  # s
+DEADLINE = 60.0  # of what takes no time on an idle machine [s]
 
 
 @pytest.fixture
@@ -271,7 +271,7 @@ def test_a_port_that_may_not_be_used_says_why(
 
 
 def test_after_a_stop_nothing_is_left_and_the_port_is_free(window: MeshcatWindow) -> None:
-    before = set(threading.enumerate())
+    before, children = set(threading.enumerate()), psutil.Process().children()
     with serve(window) as server, ExitStack() as stack:
         clients = [stack.enter_context(listen(server)) for _ in range(3)]
         assert all(client.recv() for client in clients)
@@ -287,7 +287,7 @@ def test_after_a_stop_nothing_is_left_and_the_port_is_free(window: MeshcatWindow
     assert not [
         each for each in psutil.Process().net_connections() if each.laddr[1:] == (server.port,)
     ]
-    assert not psutil.Process().children()
+    assert psutil.Process().children() == children
     server.stop()
     with serve(window, server.port) as again:
         assert get(again).status == 200
@@ -327,7 +327,7 @@ def test_a_client_that_hangs_does_not_hold_the_stop(window: MeshcatWindow) -> No
         assert get(server).status == 200
         begin = time.monotonic()
         server.stop()
-        assert time.monotonic() - begin < 4
+        assert time.monotonic() - begin < 20  # two on an idle machine
     assert not server.is_running
 
 
@@ -443,7 +443,7 @@ def upgrade(server: LocalServer, path: str) -> bytes:
 
 def test_a_watched_client_that_answers_no_ping_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("arm3dof.ui.server.PING_PERIOD", 0.01)
-    monkeypatch.setattr("arm3dof.ui.server.PONG_PATIENCE", 1.0)
+    monkeypatch.setattr("arm3dof.ui.server.PONG_PATIENCE", 2.0)
     came, gone = (
         {name: threading.Event() for name in ("held/mute", "held/well", "free/mute")}
         for _ in range(2)

@@ -368,7 +368,7 @@ def process(robot: Robot) -> Iterator[ArmProcess]:
     running.close()
 
 
-def eventually(condition, seconds: float = 20.0) -> None:
+def eventually(condition, seconds: float = 60.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end
@@ -379,7 +379,12 @@ def test_the_arm_lives_in_a_process_of_its_own(process: ArmProcess) -> None:
     eventually(lambda: process.ring.count > 0)
     process.send(cmd.Aim((0.1, 0.2, -0.1)))
     process.send(cmd.Run())
-    eventually(lambda: process.ring.latest()["mode"] == Mode.RUNNING)
+
+    def runs() -> bool:
+        process.send(cmd.Alive())
+        return process.ring.latest()["mode"] == Mode.RUNNING
+
+    eventually(runs)
     process.close()
     assert not process.is_alive
     assert process.ring.latest()["mode"] == Mode.HOLDING  # it braked before it ended

@@ -119,6 +119,9 @@ def test_closing_does_not_wait_for_a_source_that_is_silent(monkeypatch):
     eye = Eye(silent(), CAMERA, [GREEN])
     eye.close()
     assert eye.wait(1) is None
+    for thread in threading.enumerate():
+        if thread.name == "eye":  # on a busy machine it outlives its last word by a moment
+            thread.join(PATIENCE)
     assert "eye" not in threads()
     never.set()
 

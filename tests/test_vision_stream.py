@@ -92,9 +92,9 @@ def test_a_damaged_picture_is_passed_over_and_a_cut_line_is_a_loss():
 
 def test_a_stream_that_falls_silent_is_a_loss_and_does_not_hang():
     with server(HEAD % b"it", part(PICTURES[0]), hold=True) as url:
-        source = frames(url, timeout=0.05)
+        source = frames(url, timeout=0.5)  # long enough for the first one on a busy machine
         next(source)
-        with pytest.raises(CameraLost, match=r"has given no picture for 0.05 s"):
+        with pytest.raises(CameraLost, match=r"has given no picture for 0.5 s"):
             next(source)
 
 
