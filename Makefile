@@ -11,6 +11,8 @@ DOCS   := .venv/.installed-docs
 
 # One thread a process: the matrices are small, and the tests run one process a core.
 export OMP_NUM_THREADS := 1
+# The tests start some forty programs: they find compiled what the first one has imported.
+unexport PYTHONDONTWRITEBYTECODE
 PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help

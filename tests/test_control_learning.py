@@ -23,6 +23,7 @@ from arm3dof.sim.pinocchio_plant import PinocchioPlant
 from arm3dof.state import JointState
 
 TARGET = np.deg2rad([28.1, 67.8, 53.8])
+DT = 0.0025  # of the plants [s]; in motions like these RK4 errs by some 1e-6 rad
 
 
 @pytest.fixture(scope="module")
@@ -46,16 +47,16 @@ def back_inside(recording, since):
 @pytest.mark.parametrize("formulation", ["tracking", "torque"])
 def test_an_unknown_load_and_wrong_masses_leave_no_steady_error(robot, sign, formulation):
     truth = perturbed(robot, 30, sign=sign, centroid_percent=0).with_payload(0.1)
-    recording, controller = run(robot, PinocchioPlant(truth), formulation=formulation)
+    recording, controller = run(robot, PinocchioPlant(truth, DT), formulation=formulation)
     assert np.rad2deg(summarise(recording).final_error) <= 0.05
     assert controller.observer.estimator.load == pytest.approx(0.1, abs=0.02)
-    without, _ = run(robot, PinocchioPlant(truth), formulation=formulation, observer_gain=0.0)
+    without, _ = run(robot, PinocchioPlant(truth, DT), formulation=formulation, observer_gain=0.0)
     assert np.rad2deg(summarise(without).final_error) > 1.0
 
 
 def test_a_load_is_weighed_and_forgotten_when_it_is_put_down(robot):
     plant = DisturbedPlant(
-        PinocchioPlant(robot), payloads=[PayloadChange(1.0, 0.06), PayloadChange(2.5, None)]
+        PinocchioPlant(robot, DT), payloads=[PayloadChange(1.0, 0.06), PayloadChange(2.5, None)]
     )
     weighed = []
     plant.reset(JointState(0.0, np.zeros(3), np.zeros(3)))
@@ -75,16 +76,18 @@ def test_a_load_is_weighed_and_forgotten_when_it_is_put_down(robot):
 @pytest.mark.parametrize("settings", [{}, {"input_weight": 3e-5}])
 def test_pushes_and_moments_are_overcome_within_a_second(robot, settings):
     for joint in range(3):
-        push = DisturbedPlant(PinocchioPlant(robot), pushes=[Push(1.5, joint, np.deg2rad(10))])
+        push = DisturbedPlant(PinocchioPlant(robot, DT), pushes=[Push(1.5, joint, np.deg2rad(10))])
         assert back_inside(run(robot, push, **settings)[0], 1.5) < 1.0
-        moment = DisturbedPlant(PinocchioPlant(robot), wrenches=[JointTorque(1.5, joint, 0.5, 0.2)])
+        moment = DisturbedPlant(
+            PinocchioPlant(robot, DT), wrenches=[JointTorque(1.5, joint, 0.5, 0.2)]
+        )
         assert back_inside(run(robot, moment, **settings)[0], 1.5) < 1.0
 
 
 @pytest.mark.parametrize("delay", [0.02, 0.05, 0.08])
 def test_a_declared_delay_costs_little_and_an_undeclared_one_shows(robot, delay):
-    prompt, _ = run(robot, PinocchioPlant(robot), input_weight=1e-3)
-    plant = DisturbedPlant(PinocchioPlant(robot), delay=delay)
+    prompt, _ = run(robot, PinocchioPlant(robot, DT), input_weight=1e-3)
+    plant = DisturbedPlant(PinocchioPlant(robot, DT), delay=delay)
     declared, _ = run(robot, plant, input_weight=1e-3, delay=delay)
     undeclared, _ = run(robot, plant, input_weight=1e-3)
     best, known, unknown = map(summarise, (prompt, declared, undeclared))
@@ -115,11 +118,11 @@ def test_a_trajectory_is_followed_better_than_its_end_point(robot):
     times = np.linspace(0.0, 2.0, 9)
     knots = TARGET * np.sin(np.linspace(0, np.pi / 2, 9))[:, np.newaxis]
     trajectory = JointTrajectory(times, knots)
-    followed, _ = run(robot, PinocchioPlant(robot), trajectory)
+    followed, _ = run(robot, PinocchioPlant(robot, DT), trajectory)
     assert np.rad2deg(np.abs(followed.e).max()) < 3.0
     assert summarise(followed).settled
     # a step along the path, sampled anew each time, asks for less torque than a jump to the end
-    jumped, _ = run(robot, PinocchioPlant(robot))
+    jumped, _ = run(robot, PinocchioPlant(robot, DT))
     assert summarise(followed).peak_torque < summarise(jumped).peak_torque
 
 
@@ -160,11 +163,11 @@ def test_targets_of_another_robot_and_broken_trajectories_are_refused(robot):
 
 
 def test_torque_changes_no_faster_than_allowed(robot):
-    recording, _ = run(robot, PinocchioPlant(robot), torque_rate=4.0)
+    recording, _ = run(robot, PinocchioPlant(robot, DT), torque_rate=4.0)
     tau = np.vstack([robot.gravity(np.zeros(3)), recording.tau[recording.control_rows]])
     assert np.abs(np.diff(tau, axis=0)).max() <= 4.0 * 0.05 + 1e-9
     assert summarise(recording).settled
-    free, _ = run(robot, PinocchioPlant(robot))
+    free, _ = run(robot, PinocchioPlant(robot, DT))
     assert np.abs(np.diff(free.tau[free.control_rows], axis=0)).max() > 0.4
 
 
@@ -173,8 +176,8 @@ def test_blocks_share_their_decisions_and_cost_little(robot):
     controller = MpcController(robot, MpcSettings(blocks=blocks))
     optimum = controller.optimise(JointState(0.0, np.zeros(3), np.zeros(3)), TARGET)
     assert optimum.w.size == 3 * len(blocks)
-    recording, _ = run(robot, PinocchioPlant(robot), blocks=blocks)
-    full, _ = run(robot, PinocchioPlant(robot))
+    recording, _ = run(robot, PinocchioPlant(robot, DT), blocks=blocks)
+    full, _ = run(robot, PinocchioPlant(robot, DT))
     assert summarise(recording).settled
     assert summarise(recording).rms_error < 1.05 * summarise(full).rms_error
 
@@ -183,7 +186,7 @@ def test_blocks_share_their_decisions_and_cost_little(robot):
 @pytest.mark.parametrize("name", ["arm3dof", "ur5"])
 def test_tuned_settings_settle_in_the_time_that_was_asked_for(name, settling_time):
     arm = load_robot(name)
-    plant = PinocchioPlant(arm)
+    plant = PinocchioPlant(arm, DT)
     start = np.zeros(arm.nv)
     plant.reset(JointState(0.0, start, start))
     controller = MpcController(arm, MpcSettings.tuned(settling_time))
@@ -236,7 +239,7 @@ def test_an_end_stop_that_was_run_into_is_left_again(robot, noise_deg):
     target = np.array([robot.limits.q_max[0] - 0.01, 2.4, -0.2])
     for seed in range(3):
         truth = perturbed(robot, 30, rng=np.random.default_rng(seed))
-        inner = PinocchioPlant(truth, 0.002, end_stops=True)
+        inner = PinocchioPlant(truth, DT, end_stops=True)
         plant = DisturbedPlant(
             inner,
             # leans on the stop for a while, as hard as its motor can

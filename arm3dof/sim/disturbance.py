@@ -132,7 +132,7 @@ class DisturbedPlant(PlantAround[DisturbablePlant]):
         state = self.state
         if self._noise is None:
             return state
-        return JointState(state.t, state.q + self._noise.q, state.v + self._noise.v)
+        return JointState.adopt(state.t, state.q + self._noise.q, state.v + self._noise.v)
 
     def _acting(self, events: list[tuple[Wrench | JointTorque, Array]]) -> Array | None:
         """Return the mean over the next step of all that acts in it; ``None`` for nothing."""

@@ -83,7 +83,7 @@ class PinocchioPlant:
     def state(self) -> JointState:
         """The present state."""
         if self._seen is None:
-            self._seen = JointState(self._t0 + self._steps * self._dt, self._q, self._v)
+            self._seen = JointState.adopt(self._t0 + self._steps * self._dt, self._q, self._v)
         return self._seen
 
     @property
