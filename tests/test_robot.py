@@ -147,6 +147,20 @@ def test_a_clone_is_independent(robot):
     assert np.abs(robot.gravity(q)).max() > 0
 
 
+def test_reweighing_changes_the_dynamics_of_one_robot_alone(robot):
+    own = robot.clone()
+    lighter = [body.copy() for body in own.bodies]
+    for body in lighter:
+        body.mass *= 0.5
+        body.inertia *= 0.5
+    own.reweigh(lighter)
+    q = np.linspace(0.1, 0.3, robot.nv)
+    rotors = np.diag(robot.model.armature)
+    expected = 0.5 * (robot.mass_matrix(q) - rotors) + rotors
+    np.testing.assert_allclose(own.mass_matrix(q), expected, atol=1e-12)
+    np.testing.assert_allclose(own.gravity(q), 0.5 * robot.gravity(q), atol=1e-12)
+
+
 def test_clones_work_in_threads():
     robot = load_robot()
     rng = np.random.default_rng(6)

@@ -124,10 +124,12 @@ def _from_places(H: Array, g: Array, u: Array, places: Sequence[int]) -> _Point:
     count = places.count(_INSIDE)
     # as they were guessed those inside come first, and a slice is faster
     k: slice | NDArray[np.intp] = slice(count)
+    inner = H[:count, :count]
     if _INSIDE in places[count:]:
         k = np.array([i for i, place in enumerate(places) if place == _INSIDE], dtype=np.intp)
+        inner = H.take(k, axis=0).take(k, axis=1)
     try:
-        x[k] = _solve(H[k][:, k], -pull[k])
+        x[k] = _solve(inner, -pull[k])
     except np.linalg.LinAlgError:  # such places cannot be right
         return _Point(np.zeros(n), np.zeros(n), math.inf)
     z = -(H.dot(x) + g)

@@ -38,7 +38,7 @@ class HorizonTorque:
         rotor = robot.damping * (damping_share(robot, dt) - 0.5) * dt
         self._pool = pin.ModelPool(robot.model, 1)
         self._model = self._pool.getModel(0)  # a copy, which the pool evaluates as it is
-        self._own, self._believed = self._model.inertias, robot.model.inertias
+        self._robot, self._own = robot, self._model.inertias
         self._model.armature = robot.model.armature + rotor
         self._data = self._model.createData()
         self.damping = np.tile(robot.damping, (horizon, 1))  # as large as v: faster to multiply
@@ -48,9 +48,8 @@ class HorizonTorque:
 
     def refresh(self) -> None:
         """Take over the robot's masses as they are now."""
-        own, believed = self._own, self._believed
-        for joint in range(1, len(own)):  # joint 0 is the world
-            own[joint] = believed[joint]
+        for joint, body in enumerate(self._robot.bodies, start=1):  # joint 0 is the world
+            self._own[joint] = body
 
     def add(self, q: Array, v: Array, u: Array, out: Array, *, damping: bool = True) -> None:
         """Add the torques of all stages.

@@ -41,10 +41,10 @@ class LoadEstimator:
         Args:
             robot: the robot that is taught, as nominal as it is now; the controller's own.
         """
-        self._inertias = robot.model.inertias
-        self._nominal = nominal = robot.clone()
+        self._robot, self._nominal = robot, robot.clone()
+        nominal = self._nominal
         self._unit = nominal.with_payload((nominal.payload.mass if nominal.payload else 0.0) + 1.0)
-        masses, with_unit = _parameters(self._nominal), _parameters(self._unit)
+        masses, with_unit = _parameters(nominal), _parameters(self._unit)
         # bodies are linear in the two unknowns: 1 + s of their masses, m of what a unit load adds
         self._by_unknown = np.stack([masses.ravel(), (with_unit - masses).ravel()], axis=1)
         self._data = self._nominal.model.createData()
@@ -133,8 +133,7 @@ class LoadEstimator:
         self._taught = new
         unknowns = np.array((1 + self.mass_error, self.load))
         bodies = self._by_unknown.dot(unknowns).reshape(-1, _PARAMETERS)
-        for joint in range(1, len(bodies)):  # joint 0 is the world
-            self._inertias[joint] = pin.Inertia.FromDynamicParameters(bodies[joint])
+        self._robot.reweigh(list(map(pin.Inertia.FromDynamicParameters, bodies)))
         return [more_load * y + more_error * s for y, s, _ in self._motion]
 
     def _heaviest(self) -> Array:
@@ -146,5 +145,5 @@ class LoadEstimator:
 
 
 def _parameters(robot: Robot) -> Array:
-    """Return the inertial parameters of all bodies, in which dynamics is linear, (bodies, 10)."""
-    return np.array([body.toDynamicParameters() for body in robot.model.inertias])
+    """Return the inertial parameters of all bodies, in which dynamics is linear, (nv, 10)."""
+    return np.array([body.toDynamicParameters() for body in robot.bodies])

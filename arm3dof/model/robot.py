@@ -133,6 +133,7 @@ class Robot:
         self.tool_frame = tool_frame
         self._model = model if self.payload is None else self.payload.attach(model, tool)
         self._data = self._model.createData()
+        self._bodies = [body.copy() for body in list(self._model.inertias)[1:]]
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, joints={list(self.joint_names)}, tool={self.tool_frame!r})"
@@ -160,6 +161,24 @@ class Robot:
     def gravity_acceleration(self) -> Array:
         """Gravity in the base frame, shape (3,) [m/s^2]."""
         return np.array(self._model.gravity.linear)
+
+    @property
+    def bodies(self) -> Sequence[pin.Inertia]:
+        """Mass, centre and inertia of the body behind each joint, nv of them; only to be read."""
+        return self._bodies
+
+    def reweigh(self, bodies: Sequence[pin.Inertia]) -> None:
+        """Give the bodies behind the joints other masses, centres and inertias.
+
+        Unlike all else this changes the robot itself, so it is for who owns it alone.
+
+        Args:
+            bodies: nv of them, each in its joint's frame.
+        """
+        inertias = self._model.inertias
+        for joint, body in enumerate(bodies, start=1):  # joint 0 is the world
+            inertias[joint] = body
+        self._bodies = list(bodies)
 
     # ---- payload ---------------------------------------------------------------------------
 
