@@ -52,7 +52,7 @@ def studio(out: Path, *options: str) -> Iterator[Program]:
         yield Program(answer["url"], port, out, process.pid)
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=PATIENCE)
-        assert process.returncode == 0
+        assert process.returncode == 0, errors
         assert errors == "stopped\n", errors
     finally:
         process.kill()

@@ -32,6 +32,7 @@ from arm3dof.runtime.live.tuned import Tuned
 from arm3dof.runtime.parallel import PackedRobot
 from arm3dof.ui.demo_scene import demo_table, draw_demo
 from arm3dof.ui.studio import feed
+from arm3dof.ui.studio import studio as studios
 from arm3dof.ui.studio.status import Tone, describe
 from arm3dof.ui.studio.studio import Studio
 from arm3dof.vision.colour import Image
@@ -329,6 +330,29 @@ def test_a_moving_arm_stops_when_its_camera_is_lost(
         assert studio.tuned.overrides == {"link3.mass": 0.1}
     finally:
         studio.close()
+
+
+def test_a_picture_may_come_while_the_studio_is_being_built(
+    robot: Robot, tmp_path: Path, picture: Image, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[object] = []
+    see, scene = Studio._see, studios.LiveScene
+
+    def noted(self: Studio, message: SeenPicture) -> None:
+        see(self, message)
+        told.append(message)
+
+    def late(*args: object) -> studios.LiveScene:
+        eventually(lambda: told)
+        return scene(*args)
+
+    monkeypatch.setattr(Studio, "_see", noted)
+    monkeypatch.setattr(studios, "LiveScene", late)
+    source = write_image(tmp_path / "it.png", picture)
+    spec = EyeSpec(SETUP.camera, WATCH, source)
+    studio = Studio(Tuned(), robot, np.zeros(3), spec, tmp_path, file_store())
+    studio.close()
+    assert studio.located()
 
 
 def test_a_page_that_fails_inside_says_so_and_stops_the_arm(

@@ -116,6 +116,8 @@ class Studio:
         self.camera, self._store = eye.camera, store
         self.runs = Runs()
         self._numbered = 0
+        self._failure = b""
+        self.live = Broadcast(lambda: self._failure)  # the eye's first picture may come soon
         packed = PackedRobot.of(robot)
         has_physics = isinstance(eye.source, World)
         self.gripper: Gripper | None = find_gripper(robot) if has_physics else None
@@ -131,8 +133,6 @@ class Studio:
         self._answers = answers
         self._mind: MindProcess | None = None
         self.scene = LiveScene(robot, np.array(position), eye.camera, world)
-        self._failure = b""
-        self.live = Broadcast(lambda: self._failure)
         self.controls = Controls(self._lost)
         self._version = 0
         self._scene_lock = threading.Lock()
