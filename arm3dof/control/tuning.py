@@ -118,23 +118,29 @@ class FrozenArms:
         """Return the mean cost of a move, from 0 (free) to 1 (every trial lost)."""
         nv, dt = self._move.shape[1], self._dt
         x = np.zeros((_CONFIGURATIONS, 2 * nv))
-        integral = np.zeros_like(self._move)
-        total = np.zeros(_CONFIGURATIONS)
+        integral, integrates = np.zeros_like(self._move), bool(gains.integral.any())
+        of_errors, of_inputs = np.zeros((2, *self._move.shape))
         steps = round(_SECONDS / dt)
         with np.errstate(all="ignore"):  # an unstable trial may overflow; it is lost either way
             for _ in range(steps):
                 q, v = x[:, :nv], x[:, nv:]
                 e = self._move - q
-                asked = gains.position * e - gains.velocity * v + integral
+                asked = gains.position * e - gains.velocity * v
                 if self._carries:
-                    asked = asked + self._weight + _times(self._stiffness, q)
-                tau = np.clip(asked, -self._tau_max, self._tau_max)
-                winds_up = (asked != tau) & (e * asked > 0)
-                integral = integral + np.where(winds_up, 0.0, dt * gains.integral * e)
+                    asked += self._weight + _times(self._stiffness, q)
+                if integrates:
+                    asked += integral
+                tau = np.minimum(np.maximum(asked, -self._tau_max), self._tau_max)
+                if integrates:
+                    winds_up = (asked != tau) & (e * asked > 0)
+                    integral = integral + np.where(winds_up, 0.0, dt * gains.integral * e)
                 x = _times(self._A, x) + _times(self._B, tau - self._weight)
-                a = (x[:, nv:] - v) / dt
-                total += np.mean(self._of_error * e**2 + self._of_input * a**2, axis=1)
-            lost = total / steps / (total / steps + _WORST * self._of_error)
+                change = x[:, nv:] - v
+                of_errors += e * e
+                of_inputs += change * change
+            total = self._of_error * of_errors + self._of_input / dt**2 * of_inputs
+            mean = total.mean(axis=1) / steps
+            lost = mean / (mean + _WORST * self._of_error)
         return float(np.nan_to_num(lost, nan=1.0).mean())
 
 
