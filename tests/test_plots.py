@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from arm3dof.model.robot import Limits, Robot
 from arm3dof.runtime.metrics import summarise
 from arm3dof.runtime.recording import Recording
 from arm3dof.ui import plots
+from arm3dof.ui.style import STYLE
 
 PNG = b"\x89PNG\r\n"
 
@@ -217,6 +219,15 @@ def test_a_folder_that_cannot_be_written_is_named(run: Recording, tmp_path: Path
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match=r"error\.png: cannot be written .*name a folder"):
         plots.save_figures(run, tmp_path / "file")
+
+
+def test_a_png_is_the_figure_as_matplotlib_saves_it(run: Recording) -> None:
+    figure, twin = plots.plot_overview(run), plots.plot_overview(run)
+    dpi, wanted = figure.dpi, io.BytesIO()
+    with mpl.rc_context(dict(STYLE)):
+        twin.savefig(wanted, format="png", dpi=150)
+    assert plots.png(figure) == wanted.getvalue()
+    assert figure.dpi == dpi
 
 
 def test_no_global_plotting_state_is_touched() -> None:

@@ -14,6 +14,7 @@ from types import MappingProxyType
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from arm3dof.files import write_atomically
@@ -25,6 +26,7 @@ from arm3dof.ui.quantities import NEAR, QUANTITIES, Quantity, extreme_rows
 from arm3dof.ui.style import COLORS, DASHES, LIMIT, SETTLED, SETTLED_BAND, SOFT, STYLE
 
 SIZE = (7.2, 4.0)  # inches
+_PNG_DPI = 150
 OVERVIEW_SIZE = (12.6, 7.6)
 MAX_POINTS = 3000  # of a line; a longer run is drawn by the extremes of equal pieces
 
@@ -84,10 +86,17 @@ def save_figures(recording: Recording, folder: str | Path) -> tuple[Path, ...]:
 
 
 def png(figure: Figure) -> bytes:
-    """Return a figure as the bytes of a PNG file."""
-    data = io.BytesIO()
+    """Return a figure as the bytes of a PNG file.
+
+    They are ``savefig``'s, which would draw the whole figure a first time for its layout alone.
+    """
+    data, dpi = io.BytesIO(), figure.dpi
     with mpl.rc_context(dict(STYLE)):
-        figure.savefig(data, format="png", dpi=150)
+        try:
+            figure.dpi = _PNG_DPI
+            FigureCanvasAgg(figure).print_png(data)  # type: ignore[no-untyped-call]
+        finally:
+            figure.dpi = dpi
     return data.getvalue()
 
 
