@@ -135,7 +135,7 @@ def test_every_limit_of_the_full_program_holds_in_the_prediction(robot):
 
 @pytest.mark.parametrize("formulation", ["tracking", "torque", "paper"])
 def test_the_papers_experiment_settles_inside_every_limit(robot, formulation):
-    plant = PinocchioPlant(robot)
+    plant = PinocchioPlant(robot, dt=0.0025)
     plant.reset(JointState(0.0, np.zeros(3), np.zeros(3)))
     recording = run_loop(
         plant, MpcController(robot, MpcSettings(formulation=formulation)), PAPER_TARGET, 6.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -41,6 +42,16 @@ class Limits:
         object.__setattr__(self, "q_min", q_min)
         for name in ("q_max", "v_max", "tau_max"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), q_min.size, name=name))
+
+    @cached_property
+    def drawn_from(self) -> tuple[Array, Array]:
+        """Where positions are drawn from, of a joint without limits one turn: start and width."""
+        low = np.where(np.isfinite(self.q_min), self.q_min, -np.pi)
+        high = np.where(np.isfinite(self.q_max), self.q_max, np.pi)
+        width = high - low
+        for array in (low, width):
+            array.setflags(write=False)
+        return low, width
 
 
 @dataclass(frozen=True)
@@ -344,9 +355,8 @@ class Robot:
 
         A joint without limits is drawn from one turn.
         """
-        low = np.where(np.isfinite(self.limits.q_min), self.limits.q_min, -np.pi)
-        high = np.where(np.isfinite(self.limits.q_max), self.limits.q_max, np.pi)
-        return rng.uniform(low, high)
+        start, width = self.limits.drawn_from
+        return start + width * rng.random(self.nv)
 
     def _copy(self, description: Description) -> Robot:
         return Robot(

@@ -258,10 +258,8 @@ class PinocchioPlant:
             return False
         rng = np.random.default_rng(0)
         poses = [self.robot.random_configuration(rng) for _ in range(32)]
-        rates = [
-            np.linalg.eigvals(np.linalg.solve(self.robot.mass_matrix(q), np.diag(self._damping)))
-            for q in poses
-        ]
+        masses = np.array([self.robot.mass_matrix(q) for q in poses])
+        rates = np.linalg.eigvals(np.linalg.solve(masses, np.diag(self._damping)))
         return float(np.abs(rates).max()) * self._dt > _FASTEST_EXPLICIT_DECAY
 
 

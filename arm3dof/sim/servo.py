@@ -259,8 +259,9 @@ def _least_inertia(robot: Robot) -> Array:
     """Return the smallest inertia that each joint feels in some sampled poses, (nv,) [kg m^2]."""
     rng = np.random.default_rng(0)
     poses = (robot.random_configuration(rng) for _ in range(_SAMPLED_POSES))
-    felt = [1 / np.diag(np.linalg.inv(robot.mass_matrix(q))) for q in poses]
-    return np.asarray(np.min(felt, axis=0))
+    masses = np.array([robot.mass_matrix(q) for q in poses])
+    felt = 1 / np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2)
+    return np.asarray(felt.min(axis=0))
 
 
 def holding_torque(robot: Robot, q: ArrayLike) -> Array:
