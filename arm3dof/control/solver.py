@@ -248,10 +248,11 @@ def _broken_soft_limits(program: Program, bounds: Bounds, values: Array) -> Like
     Where torques meet their limits as well, the last plan tells better which will matter.
     """
     broken = bounds.excess(values) > _tolerance(program, bounds)
-    soft = broken[:, POSITION : VELOCITY + 1]
-    if np.count_nonzero(soft) < np.count_nonzero(broken):
-        return _NONE
-    return Likely.all_of(broken.ravel().nonzero()[0].tolist())
+    limits = broken.ravel().nonzero()[0].tolist()
+    kinds, of_a_kind = len(values), values[0].size
+    if all(POSITION <= limit // of_a_kind % kinds <= VELOCITY for limit in limits):
+        return Likely.all_of(limits)
+    return _NONE
 
 
 def _tolerance(program: Program, bounds: Bounds) -> Array:
