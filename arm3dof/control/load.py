@@ -24,7 +24,7 @@ _LOAD_PRIOR = 0.25  # standard deviation of m, as a share of the load that stall
 _TORQUE_NOISE = 0.02  # standard deviation of r, as a share of the torque limit
 _MASS_ERROR_RANGE = (-0.6, 1.5)
 _PARAMETERS = 10  # of a body
-_SAME = 5e-3  # a smaller change of s, or of m as a share of the most, is not taught
+_SAME = 2e-2  # a smaller change of s, or of m as a share of the most, is left to the disturbance
 
 
 class LoadEstimator:
