@@ -81,7 +81,7 @@ class StateEstimator:
     def restart(self, state: JointState) -> None:
         """Believe a measurement that does not follow from those before."""
         self.q, self.v = state.q, state.v
-        self._numbers = state.q.tolist(), state.v.tolist()
+        self._numbers = state.q.tolist(), state.v.tolist()  # the same as plain numbers
         self._surprise = [_LEAST_SURPRISE] * self._nv
         self._read = 0
 
