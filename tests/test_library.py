@@ -7,6 +7,7 @@ import textwrap
 from importlib import metadata
 from pathlib import Path
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -71,6 +72,7 @@ def test_meshes_and_shapes_can_be_drawn(name, capfd):
         robot.description.urdf,
         pin.GeometryType.VISUAL,
         package_dirs=[str(folder) for folder in robot.description.package_dirs],
+        mesh_loader=coal.MeshLoader(coal.NODE_TYPE.BV_AABB),  # the cheapest tree for collisions
     )
     assert geometry.ngeoms > 0
     assert capfd.readouterr() == ("", "")

@@ -68,7 +68,6 @@ class NumberReader:
     def _numbers(self, element: Element, key: str, where: str, count: int) -> Array:
         text = element.get(key, "")
         words = text.split()
-        unreadable = np.full(count, np.nan)
         name = f"<{element.tag}> {key}"
         if len(words) != count or not all(_NUMBER.fullmatch(word) for word in words):
             wanted = "a number" if count == 1 else f"{count} numbers"
@@ -76,10 +75,10 @@ class NumberReader:
             if "," in text:
                 cure += ", with a point and not a comma"
             self.note(where, f'{name} "{text}" is not {wanted}', cure)
-            return unreadable
-        values = np.array([float(word) for word in words])
-        if np.abs(values).max() > LARGEST:
+            return np.full(count, np.nan)
+        values = [float(word) for word in words]
+        if any(abs(value) > LARGEST for value in values):
             self.note(where, f'{name} "{text}" is beyond {LARGEST:g}', "give a number in SI units")
-            return unreadable
+            return np.full(count, np.nan)
         element.set(key, " ".join(words))
-        return values
+        return np.array(values)
