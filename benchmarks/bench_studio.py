@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import sys
 import tempfile
 import time
 import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -55,19 +59,19 @@ def run(*, quick: bool) -> list[Table]:
     warm, duration, alone = (0.0, 10.0, 5.0) if quick else (_WARM, _LONG, _ALONE)
     robot = load_robot()
     begin = time.perf_counter()
-    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+    with tempfile.TemporaryDirectory() as folder, _visitor() as visitor:
         eye = eye_spec("world", None)
         studio = Studio(Tuned(), robot, home(robot), eye, Path(folder), file_store())
         try:
             with LocalServer(build_site(studio), watched=WATCHED) as server:
-                page = _open(browser, server.url)
+                _open(visitor, server.url)
                 first = time.perf_counter() - begin
-                _watch(studio, page, alone / 3)  # it finds out how coarsely it has to draw
-                single = _watch(studio, page, alone).rates
+                _watch(studio, visitor, alone / 3)  # it finds out how coarsely it has to draw
+                single = _watch(studio, visitor, alone).rates
                 for _ in range(TABS - 1):
-                    page = _open(browser, server.url)
-                _watch(studio, page, warm)
-                watched = _watch(studio, page, duration)
+                    _open(visitor, server.url)
+                _watch(studio, visitor, warm)
+                watched = _watch(studio, visitor, duration)
         finally:
             studio.close()
     return [
@@ -78,12 +82,54 @@ def run(*, quick: bool) -> list[Table]:
     ]
 
 
-def _open(browser: object, url: str) -> object:
-    """Open the page in another tab, and return it when it shows all that it has."""
-    page = browser.new_page(viewport={"width": 1280, "height": 720})
-    page.goto(url, wait_until="domcontentloaded")
-    page.wait_for_function(_WORKS, timeout=60_000)
-    return page
+@contextmanager
+def _visitor() -> Iterator[Connection]:
+    """Whoever visits the page, in a process of its own, for it holds more from minute to minute.
+
+    It is sent addresses, which it opens in another tab each, or nothing, and answers each time with
+    what the last tab has counted.
+    """
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_visit, args=(theirs,), name="visitor")
+    process.start()
+    theirs.close()
+    try:
+        yield ours
+    finally:
+        ours.close()
+        process.join()
+
+
+def _visit(line: Connection) -> None:
+    """Open what is asked for, until nobody asks any more."""
+    with chromium() as browser:
+        page = None
+        while True:
+            while page is not None and not line.poll():
+                page.wait_for_timeout(100)  # the browser's events wait as well
+            try:
+                url = line.recv()
+            except EOFError:
+                return
+            if url:
+                page = browser.new_page(viewport={"width": 1280, "height": 720})
+                page.goto(url, wait_until="domcontentloaded")
+                page.wait_for_function(_WORKS, timeout=60_000)
+            line.send(page.evaluate(_COUNT))
+
+
+def _open(visitor: Connection, url: str) -> None:
+    """Let the page be opened in another tab, and return when it shows all that it has."""
+    visitor.send(url)
+    visitor.recv()
+
+
+def _count(visitor: Connection) -> dict[str, float]:
+    """Return what the last tab has drawn so far, and its time [s]."""
+    visitor.send("")
+    counted: dict[str, float] = visitor.recv()
+    return counted
 
 
 def _start(times: int) -> Table:
@@ -139,11 +185,13 @@ class Watched(NamedTuple):
     memory: np.ndarray
 
 
-def _watch(studio: Studio, page: object, duration: float) -> Watched:
+def _watch(studio: Studio, visitor: Connection, duration: float) -> Watched:
     """Keep the arm moving, and watch."""
     start, turn, count = time.monotonic(), 0, studio.arm.ring.count
-    wakes, memory = [], [_memory(studio)]
-    before = page.evaluate(_COUNT)
+    # all that is kept of the frames is there from the beginning, for memory is watched
+    wakes, kept = np.full((int(100 * duration) + 1000, 3), np.nan), 0
+    before = _count(visitor)
+    memory = [_memory(studio)]
     due = start
     while (now := time.monotonic()) < start + duration:
         if now >= due:
@@ -153,15 +201,15 @@ def _watch(studio: Studio, page: object, duration: float) -> Watched:
             turn += 1
         if now >= start + 60 * len(memory):
             memory.append(_memory(studio))
-        page.wait_for_timeout(250)  # and not time.sleep, for the browser's events wait as well
+        time.sleep(0.25)
         count, new = studio.arm.ring.since(count)
-        wakes.append(wake_ups(new))
+        wakes[kept : kept + len(new)] = wake_ups(new)
+        kept += len(new)
     memory.append(_memory(studio))
-    after = page.evaluate(_COUNT)
+    after = _count(visitor)
     seconds = after["t"] - before["t"]
     rates = {key: (after[key] - before[key]) / seconds for key in ("charts", "pictures", "frames")}
-    wakes.append(np.zeros((0, 3)))
-    return Watched(rates, np.concatenate(wakes), np.array(memory))
+    return Watched(rates, wakes[:kept], np.array(memory))
 
 
 def wake_ups(frames: Frames) -> np.ndarray:
@@ -173,7 +221,7 @@ def wake_ups(frames: Frames) -> np.ndarray:
 
 
 def _memory(studio: Studio) -> list[float]:
-    """Return what this process, which has the page, the arm's and the eye's hold [MiB]."""
+    """Return what this process, which has the page's server, the arm's and the eye's hold [MiB]."""
     pids = (None, studio.arm.pid, studio.eye.pid)
     return [psutil.Process(pid).memory_info().rss / 2**20 for pid in pids]
 
@@ -204,7 +252,7 @@ def _page(first: float, seen: dict[str, dict[str, float]]) -> Table:
 
 
 def _kept(memory: np.ndarray, duration: float) -> Table:
-    names = ("the page's server and this benchmark", "the arm", "the eye", "together")
+    names = ("the page's server", "the arm", "the eye", "together")
     columns = np.column_stack([memory, memory.sum(axis=1)]).T
     return Table(
         f"Memory of the studio over {duration:.0f} s with {TABS} tabs open, a sample each minute",

@@ -272,6 +272,18 @@ def test_what_hangs_together_is_drawn_in_one_go(browser: Browser, run: Recording
         whole, pieces = page.evaluate(BOXES)
         np.testing.assert_allclose(whole, pieces, atol=1e-6)
         assert page.evaluate("viewer.renderer.info.render.calls") < 60
+        # it has a coarse twin for motion where drawing is slow, of the same size
+        looks = f"[{link}.whole.visible, {link}.coarse.visible]"
+        page.evaluate("quality.moves = quality.rests = () => false, quality.set(1), null")
+        assert page.evaluate(looks) == [False, True]
+        page.evaluate("quality.set(0)")
+        assert page.evaluate(looks) == [True, False]
+        corners = page.evaluate(
+            f"[{link}.whole, {link}.coarse].map((it) => it.geometry.index.count)"
+        )
+        assert corners[1] < 0.6 * corners[0]
+        coarse = page.evaluate(BOXES.replace("{ whole, solids }", "{ coarse: whole, solids }"))[0]
+        np.testing.assert_allclose(coarse, whole, atol=2e-3)
         # a piece that is drawn anew takes its link apart, which is then made whole again
         page.evaluate(f"() => {{ window.before = {link}.whole; }}")
         look = shapes.material((1.0, 0.0, 0.0))
@@ -315,6 +327,7 @@ def test_nothing_is_asked_of_the_screen_while_nothing_moves(browser: Browser, ro
 
 def test_the_floor_behind_a_motion_looks_as_drawn(browser: Browser, robot: Robot) -> None:
     scene = Scene(robot)
+    scene.window.post(shapes.move("/robot", [0, 0, 0.01]))  # the grid lies a hair above the floor
     grab = """() => {
       breath.until = 0;
       quality.set(1);
@@ -343,6 +356,53 @@ def test_the_floor_behind_a_motion_looks_as_drawn(browser: Browser, robot: Robot
         assert not page.evaluate(grab)[1]  # the floor has changed
         page.evaluate("viewer.camera.position.x += 0.1, null")
         assert page.evaluate(grab)[1] is False  # the view has turned
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_only_what_changes_of_a_motion_is_drawn_anew(
+    browser: Browser, robot: Robot, level: int
+) -> None:
+    scene = Scene(robot)
+    scene.show_target([0.12, 0.05, 0.1])
+    grab = """([level, whole]) => {
+      breath.until = quality.enough = 0;
+      quality.set(level);
+      region.whole ||= whole;
+      viewer.render();
+      const gl = viewer.renderer.getContext();
+      const pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+      gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA,
+        gl.UNSIGNED_BYTE, pixels);
+      const [, , width, height] = window.area ?? [0, 0, 0, 0];
+      return [Array.from(pixels), 4 * width * height / pixels.length];
+    }"""
+    with serve(scene.window) as server, visit(browser, server.url, width=200, height=150) as opened:
+        page = opened.page
+        wait_until(page, "viewer.scene_tree.children.target && !viewer.needs_render")
+        page.evaluate("quality.rests = () => false, quality.moves = () => {}, null")
+        page.evaluate("window.limit = region.limit, null")
+        page.evaluate(
+            "region.limit = (area) => { window.area = area; limit.call(region, area); }, null"
+        )
+        page.evaluate("viewer.set_dirty = () => {}, null")
+        for _ in range(3):  # the floor becomes a picture
+            page.evaluate(grab, [level, True])
+        joint = "viewer.scene_tree.find(['robot', 'link3']).object"
+        ring = "viewer.scene_tree.find(['target', 'ring']).object"
+        for change in (
+            f"{joint}.position.z += 0.01, null",
+            f"{ring}.visible = false, null",
+            f"{ring}.visible = true, {joint}.position.x += 0.02, null",
+            "viewer.delete_path(['target'])",
+        ):
+            before, _ = page.evaluate(grab, [level, False])
+            page.evaluate(change)
+            changed, share = page.evaluate(grab, [level, False])
+            anew, all_of_it = page.evaluate(grab, [level, True])
+            assert changed == anew
+            assert changed != before
+            assert share < 0.5
+            assert all_of_it == 1.0
 
 
 def test_light_at_the_corners_looks_like_light_at_every_pixel(

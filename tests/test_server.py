@@ -91,6 +91,7 @@ def test_page_and_its_parts_come_from_this_server_alone(shared: LocalServer) -> 
         "/scene.css": "text/css",
         "/figures.js": "text/javascript",
         "/shading.js": "text/javascript",
+        "/region.js": "text/javascript",
         "/drawing.js": "text/javascript",
         "/scene.js": "text/javascript",
         "/meshcat.js": "text/javascript",

@@ -30,7 +30,8 @@ LIVE_POLICY = (
 FILE_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
-_SCENE = ("figures.js", "shading.js", "drawing.js", "scene.js")  # the scripts of the 3-D view
+# the scripts of the 3-D view
+_SCENE = ("figures.js", "shading.js", "region.js", "drawing.js", "scene.js")
 HEADERS = {
     "Cache-Control": "no-cache",
     "Cross-Origin-Resource-Policy": "same-origin",

@@ -9,7 +9,7 @@ import numpy as np
 from arm3dof.state import Array
 from arm3dof.ui import shapes
 
-SIDES = 8
+SIDES = 5
 
 
 def tube(

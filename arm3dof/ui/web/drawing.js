@@ -15,7 +15,8 @@ const software = drawsInSoftware();
 
 function makeRenderer(host) {
   // smooth edges cost a processor as much as the picture: it draws a still one larger instead
-  const renderer = new MeshCat.THREE.WebGLRenderer({ antialias: !software, alpha: true });
+  // and draws only what changes of a moving one
+  const renderer = new MeshCat.THREE.WebGLRenderer({ antialias: !software, alpha: !software, preserveDrawingBuffer: software });
   renderer.shadowMap.enabled = true;
   renderer.shadowMap.type = MeshCat.THREE.PCFSoftShadowMap;
   host.append(renderer.domElement);
@@ -76,6 +77,7 @@ var quality = { // var: a page around this one, and tests, reach it
       object.userData.casts ??= object.castShadow;
       object.castShadow = shadows && object.userData.casts;
     });
+    united.show(this.level > 0);
   },
 };
 
@@ -113,6 +115,7 @@ const shaders = {
 
 const united = {
   fewest: 4, // solids that are worth it
+  tiny: 0.08, // of the largest solid of its node
   wholes: new Map(), // by the path of the node
   touched: new Set(),
 
@@ -131,12 +134,31 @@ const united = {
       const node = nodeAt(path);
       const solids = Object.values(node?.children ?? {}).map((child) => soleSolid(child.object)).filter(Boolean);
       if (solids.length < this.fewest) continue;
-      const whole = merged(node.object, solids);
-      node.object.add(whole);
+      const whole = merged(node.object, solids, ({ geometry }) => geometry);
+      const coarse = merged(node.object, solids.filter(this.large(solids)), ({ geometry }) => coarser(geometry));
+      node.object.add(whole, coarse);
       solids.forEach((solid) => { solid.visible = false; });
-      this.wholes.set(path, { whole, solids });
+      this.wholes.set(path, { whole, coarse, solids });
     }
     this.touched.clear();
+    this.show(quality.level > 0);
+  },
+
+  // What moves where drawing is slow has fewer sides and no tiny pieces.
+  show(coarsely) {
+    this.wholes.forEach(({ whole, coarse }) => {
+      whole.visible = !coarsely;
+      coarse.visible = coarsely;
+    });
+  },
+
+  large(solids) {
+    const sizes = new Map(solids.map((solid) => {
+      solid.geometry.computeBoundingSphere();
+      return [solid, solid.geometry.boundingSphere.radius];
+    }));
+    const least = this.tiny * Math.max(...sizes.values());
+    return (solid) => sizes.get(solid) >= least;
   },
 
   separate(path) {
@@ -144,9 +166,11 @@ const united = {
     if (!found) return;
     this.wholes.delete(path);
     this.touched.add(path);
-    found.whole.removeFromParent();
-    found.whole.geometry.dispose();
-    found.whole.material.dispose();
+    for (const mesh of [found.whole, found.coarse]) {
+      mesh.removeFromParent();
+      mesh.geometry.dispose();
+      mesh.material.dispose();
+    }
     found.solids.forEach((solid) => { solid.visible = true; });
   },
 };
@@ -167,14 +191,27 @@ function soleSolid(object) {
   return fits ? mesh : null;
 }
 
-function merged(parent, solids) {
+// A geometry that looks the same from afar, with half the sides.
+function coarser(geometry) {
+  const { CylinderGeometry, SphereGeometry } = MeshCat.THREE;
+  const { parameters: its, type } = geometry;
+  const half = (sides) => Math.max(6, Math.round(sides / 2));
+  if (type === "CylinderGeometry") {
+    return new CylinderGeometry(its.radiusTop, its.radiusBottom, its.height, half(its.radialSegments), 1, its.openEnded);
+  }
+  if (type === "SphereGeometry") return new SphereGeometry(its.radius, half(its.widthSegments), half(its.heightSegments));
+  return geometry;
+}
+
+// One mesh of several, each with the geometry that is asked for.
+function merged(parent, solids, geometryOf) {
   const THREE = MeshCat.THREE;
   parent.updateWorldMatrix(true, true);
   const toParent = parent.matrixWorld.clone().invert();
   const parts = { position: [], normal: [], color: [] };
   const index = [];
   for (const solid of solids) {
-    const geometry = solid.geometry.clone().applyMatrix4(toParent.clone().multiply(solid.matrixWorld));
+    const geometry = geometryOf(solid).clone().applyMatrix4(toParent.clone().multiply(solid.matrixWorld));
     const first = parts.position.length / 3;
     for (const name of ["position", "normal"]) for (const value of geometry.attributes[name].array) parts[name].push(value);
     const { r, g, b } = solid.material.color;
@@ -211,28 +248,34 @@ const backdrop = {
     const { scene, camera, renderer } = viewer;
     const floor = viewer.scene_tree.children.floor?.object;
     const copies = software && renderer.capabilities.isWebGL2;
-    if (!copies || quality.level === 0 || !floor || !scene.background) return drawAll();
+    if (!copies || quality.level === 0 || !floor || !scene.background) {
+      region.whole = true;
+      return drawAll();
+    }
     viewer.controls.update();
-    camera.updateMatrixWorld();
+    scene.updateMatrixWorld();
     camera.updateProjectionMatrix();
     const { width, height } = renderer.domElement;
     const view = [...camera.matrixWorld.elements, ...camera.projectionMatrix.elements,
       width, height, scene.background.uuid, this.changes].join();
     if (view !== this.view) {
       Object.assign(this, { view, usable: false });
+      region.whole = true;
       return drawAll(); // it may turn on
     }
     if (!this.usable) this.take(width, height);
-    renderer.clear(); // first: a canvas that was shown is cleared with what comes before all else
-    this.copy(this.picture, null, width, height);
     const background = scene.background;
     scene.background = null;
-    floor.visible = renderer.autoClear = false;
+    floor.visible = renderer.autoClear = scene.autoUpdate = false;
     try {
-      return drawAll();
+      const [things, area] = region.look(scene, camera, width, height);
+      region.limit(area);
+      renderer.clear();
+      this.copy(this.picture, null, ...area);
+      return region.draw(things, area, drawAll);
     } finally {
       scene.background = background;
-      floor.visible = renderer.autoClear = true;
+      floor.visible = renderer.autoClear = scene.autoUpdate = true;
     }
   },
 
@@ -244,8 +287,8 @@ const backdrop = {
     renderer.render(scene, camera);
     others.forEach((object) => { object.visible = true; });
     this.resize(width, height);
-    this.copy(null, this.picture, width, height);
-    this.usable = true;
+    this.copy(null, this.picture, 0, 0, width, height);
+    this.usable = region.whole = true;
   },
 
   resize(width, height) {
@@ -263,14 +306,15 @@ const backdrop = {
   },
 
   // Copy pixels as they are, which no shader does as fast; null is the canvas.
-  copy(from, to, width, height) {
+  copy(from, to, x, y, width, height) {
     const { state } = viewer.renderer;
     const gl = viewer.renderer.getContext();
     viewer.renderer.setRenderTarget(null);
     state.disable(gl.SCISSOR_TEST);
     state.bindFramebuffer(gl.READ_FRAMEBUFFER, from);
     state.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to);
-    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    const area = [x, y, x + width, y + height];
+    gl.blitFramebuffer(...area, ...area, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     state.bindFramebuffer(gl.READ_FRAMEBUFFER, null);
     state.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
   },

@@ -264,6 +264,7 @@ viewer.handle_command = function (command) {
   else MeshCat.Viewer.prototype.handle_command.call(this, command);
   united.heed(command);
   backdrop.heed(command);
+  region.heed(command);
 };
 
 function clearScene() {

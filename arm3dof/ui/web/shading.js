@@ -63,7 +63,7 @@ const corners = {
     let near = false; // lights that shine from near are worked out at every pixel
     scene.traverseVisible((each) => {
       near ||= each.isPointLight || each.isSpotLight || each.isRectAreaLight;
-      if (this.fits(each)) lit.push([each, each.material]);
+      if (each.layers.mask && this.fits(each)) lit.push([each, each.material]);
     });
     if (near) return drawAll();
     lit.forEach(([mesh, material]) => { mesh.material = this.standIn(material); });

@@ -57,9 +57,10 @@ class LiveChart {
     if (this.canvas.width !== wide || this.canvas.height !== tall) {
       Object.assign(this.canvas, { width: wide, height: tall });
     }
-    const draw = this.canvas.getContext("2d");
+    const draw = this.canvas.getContext("2d", { alpha: false }); // what is below need not be drawn
     draw.setTransform(ratio, 0, 0, ratio, 0, 0);
-    draw.clearRect(0, 0, box.width, box.height);
+    draw.fillStyle = look.card;
+    draw.fillRect(0, 0, box.width, box.height);
     this.paint(draw, look, pointed);
   }
 

@@ -171,13 +171,24 @@ function seenRow(it, index) {
 
 // ---- pictures ----------------------------------------------------------------------------------
 
-async function show(canvas, bytes) {
-  const bitmap = await createImageBitmap(new Blob([bytes], { type: "image/jpeg" }));
-  if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) {
-    canvas.width = bitmap.width;
-    canvas.height = bitmap.height;
+// A picture out of a JPEG; where the browser decodes bytes as they are, it need not be told of a blob,
+// for which the page waits.
+async function decode(data) {
+  const type = "image/jpeg";
+  if (!window.ImageDecoder) return createImageBitmap(new Blob([data], { type }));
+  const decoder = new ImageDecoder({ data, type });
+  try {
+    return (await decoder.decode()).image;
+  } finally {
+    decoder.close();
   }
-  canvas.getContext("2d").drawImage(bitmap, 0, 0);
+}
+
+async function show(canvas, bytes) {
+  const bitmap = await decode(bytes);
+  const [width, height] = [bitmap.displayWidth ?? bitmap.width, bitmap.displayHeight ?? bitmap.height];
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  canvas.getContext("2d", { alpha: false }).drawImage(bitmap, 0, 0);
   bitmap.close();
 }
 
