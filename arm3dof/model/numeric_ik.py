@@ -1,6 +1,6 @@
-"""Inverse kinematics of any robot by a deterministic numerical search.
+"""Inverse kinematics of any robot by a deterministic numerical search (SciPy's solvers).
 
-Bounded least squares (``dogbox``) finds a root of FK(q) = p from each of several starts; SLSQP then
+Bounded least squares (dogbox) finds a root of FK(q) = p from each of several starts; SLSQP then
 slides it along the posture's freedom, nearest to a reference, so that the answers are the distinct
 postures and not arbitrary ones. Both keep every joint inside its limits.
 
@@ -17,9 +17,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, minimize
+from scipy.optimize import Bounds, least_squares, minimize
 
-from arm3dof.model.dogbox import least_squares
 from arm3dof.model.reach import Reach, Reason, joint_at_fault
 from arm3dof.model.robot import Robot
 from arm3dof.model.turns import excess, into_limits
@@ -210,15 +209,18 @@ def _root(tool: _Tool, p: Array, box: _Box, start: Array, *, patient: bool = Fal
     ``patient``: at the border of the workspace, where the Jacobian is singular, creeping is all
     that least squares can do.
     """
-    q, missing = least_squares(
+    result = least_squares(
         lambda q: tool.position(q) - p,
-        tool.jacobian,
         start,
-        (box.low, box.high),
-        least_gain=1e-15 if patient else 1e-3,
-        most_residuals=400 if patient else 40,
+        tool.jacobian,
+        bounds=(box.low, box.high),
+        method="dogbox",
+        xtol=1e-15,
+        ftol=1e-15 if patient else 1e-3,
+        gtol=1e-15,
+        max_nfev=400 if patient else 40,
     )
-    return q if np.linalg.norm(missing) <= REACHED else None
+    return np.array(result.x) if np.linalg.norm(result.fun) <= REACHED else None
 
 
 def _settle(tool: _Tool, p: Array, box: _Box, root: Array) -> Array:
