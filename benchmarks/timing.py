@@ -47,6 +47,12 @@ class Timing:
         """99th percentile over the steps, each in its best round [s]: the work alone."""
         return float(np.percentile(self.times.min(axis=0), 99))
 
+    @property
+    def spread(self) -> float:
+        """p99 by p50 of a round, the median over the rounds; a round is too short for moods."""
+        p50, p99 = np.percentile(self.times, [50, 99], axis=1)
+        return float(np.median(p99 / p50))
+
     def ratio(self, other: Timing) -> float:
         """Return the median over the rounds of our median time by the other's."""
         rounds = min(len(self.times), len(other.times))
@@ -54,9 +60,10 @@ class Timing:
         return float(np.median(ours / theirs))
 
     def to_dict(self) -> dict[str, float]:
-        """Return the figures in microseconds."""
+        """Return the figures, times in microseconds."""
         names = ("p50", "p99", "calm_p50", "calm_p99")
-        return {f"{name}_us": round(1e6 * float(getattr(self, name)), 1) for name in names}
+        times = {f"{name}_us": round(1e6 * float(getattr(self, name)), 1) for name in names}
+        return times | {"spread": round(self.spread, 3)}
 
 
 def take_turns(
