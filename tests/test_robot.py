@@ -159,6 +159,9 @@ def test_reweighing_changes_the_dynamics_of_one_robot_alone(robot):
     expected = 0.5 * (robot.mass_matrix(q) - rotors) + rotors
     np.testing.assert_allclose(own.mass_matrix(q), expected, atol=1e-12)
     np.testing.assert_allclose(own.gravity(q), 0.5 * robot.gravity(q), atol=1e-12)
+    with pytest.raises(InputError, match=f"{robot.nv - 1} entries; .* has {robot.nv} joints"):
+        own.reweigh(lighter[1:])
+    np.testing.assert_allclose(own.mass_matrix(q), expected, atol=1e-12)
 
 
 def test_clones_work_in_threads():

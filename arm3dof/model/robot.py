@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm3dof.errors import FrameNotFound
+from arm3dof.errors import FrameNotFound, InputError
 from arm3dof.model.payload import Payload, centre_of_mass
 from arm3dof.state import Array, frozen_array
 
@@ -42,16 +42,6 @@ class Limits:
         object.__setattr__(self, "q_min", q_min)
         for name in ("q_max", "v_max", "tau_max"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), q_min.size, name=name))
-
-    @cached_property
-    def drawn_from(self) -> tuple[Array, Array]:
-        """Where positions are drawn from, of a joint without limits one turn: start and width."""
-        low = np.where(np.isfinite(self.q_min), self.q_min, -np.pi)
-        high = np.where(np.isfinite(self.q_max), self.q_max, np.pi)
-        width = high - low
-        for array in (low, width):
-            array.setflags(write=False)
-        return low, width
 
 
 @dataclass(frozen=True)
@@ -185,7 +175,12 @@ class Robot:
 
         Args:
             bodies: nv of them, each in its joint's frame.
+
+        Raises:
+            InputError: there are more or fewer; the robot stays as it was.
         """
+        if len(bodies) != self.nv:
+            raise InputError(f"bodies has {len(bodies)} entries; {self.name} has {self.nv} joints")
         inertias = self._model.inertias
         for joint, body in enumerate(bodies, start=1):  # joint 0 is the world
             inertias[joint] = body
@@ -355,8 +350,15 @@ class Robot:
 
         A joint without limits is drawn from one turn.
         """
-        start, width = self.limits.drawn_from
+        start, width = self._drawn_from
         return start + width * rng.random(self.nv)
+
+    @cached_property
+    def _drawn_from(self) -> tuple[Array, Array]:
+        """Where random positions begin, and how far they reach, shape (nv,) each [rad]."""
+        low = np.where(np.isfinite(self.limits.q_min), self.limits.q_min, -np.pi)
+        high = np.where(np.isfinite(self.limits.q_max), self.limits.q_max, np.pi)
+        return low, high - low
 
     def _copy(self, description: Description) -> Robot:
         return Robot(
