@@ -94,7 +94,8 @@ def png(figure: Figure) -> bytes:
     with mpl.rc_context(dict(STYLE)):
         try:
             figure.dpi = _PNG_DPI
-            FigureCanvasAgg(figure).print_png(data)  # type: ignore[no-untyped-call]
+            canvas = FigureCanvasAgg(figure)
+            canvas.print_png(data)  # type: ignore[no-untyped-call]  # matplotlib tells no types of it
         finally:
             figure.dpi = dpi
     return data.getvalue()
