@@ -328,7 +328,7 @@ def test_a_client_that_hangs_does_not_hold_the_stop(window: MeshcatWindow) -> No
         assert get(server).status == 200
         begin = time.monotonic()
         server.stop()
-        assert time.monotonic() - begin < 20  # two on an idle machine
+        assert time.monotonic() - begin < 4
     assert not server.is_running
 
 
