@@ -30,6 +30,14 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 EXACT = 1e-9
+DRAWN = """window.drawn = () => {  // draw, and return the picture's bytes
+  viewer.render();
+  const gl = viewer.renderer.getContext();
+  const pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+  gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA,
+    gl.UNSIGNED_BYTE, pixels);
+  return Array.from(pixels);
+}, null"""
 
 
 @pytest.fixture(scope="module")
@@ -331,15 +339,11 @@ def test_the_floor_behind_a_motion_looks_as_drawn(browser: Browser, robot: Robot
     grab = """() => {
       breath.until = 0;
       quality.set(1);
-      viewer.render();
-      const gl = viewer.renderer.getContext();
-      const pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
-      gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA,
-        gl.UNSIGNED_BYTE, pixels);
-      return [Array.from(pixels), backdrop.usable];
+      return [drawn(), backdrop.usable];
     }"""
     with serve(scene.window) as server, visit(browser, server.url, width=200, height=150) as opened:
         page = opened.page
+        page.evaluate(DRAWN)
         wait_until(page, "viewer.scene_tree.children.robot && !viewer.needs_render")
         page.evaluate("quality.rests = () => false, null")
         page.evaluate("viewer.set_dirty = () => {}, null")
@@ -368,16 +372,13 @@ def test_only_what_changes_of_a_motion_is_drawn_anew(
       breath.until = quality.enough = 0;
       quality.set(level);
       region.whole ||= whole;
-      viewer.render();
-      const gl = viewer.renderer.getContext();
-      const pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
-      gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA,
-        gl.UNSIGNED_BYTE, pixels);
+      const pixels = drawn();
       const [, , width, height] = window.area ?? [0, 0, 0, 0];
-      return [Array.from(pixels), 4 * width * height / pixels.length];
+      return [pixels, 4 * width * height / pixels.length];
     }"""
     with serve(scene.window) as server, visit(browser, server.url, width=200, height=150) as opened:
         page = opened.page
+        page.evaluate(DRAWN)
         wait_until(page, "viewer.scene_tree.children.target && !viewer.needs_render")
         page.evaluate("quality.rests = () => false, quality.moves = () => {}, null")
         page.evaluate("window.limit = region.limit, null")
@@ -412,15 +413,11 @@ def test_light_at_the_corners_looks_like_light_at_every_pixel(
     grab = """(draw) => {
       breath.until = 0;
       corners.draw = draw ? drawnAtCorners : (scene, drawAll) => drawAll();
-      viewer.render();
-      const gl = viewer.renderer.getContext();
-      const pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
-      gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA,
-        gl.UNSIGNED_BYTE, pixels);
-      return Array.from(pixels);
+      return drawn();
     }"""
     with serve(scene.window) as server, visit(browser, server.url, width=200, height=150) as opened:
         page = opened.page
+        page.evaluate(DRAWN)
         wait_until(page, "viewer.scene_tree.children.robot && !viewer.needs_render")
         scene.window.post(
             shapes.draw("/thing", shapes.sphere(0.03), shapes.material((1, 0.5, 0), "Lambert")),
