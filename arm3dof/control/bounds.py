@@ -22,20 +22,23 @@ class Bounds(NamedTuple):
     A limit is known by its place among the flattened upper limits, followed by the lower ones.
 
     Attributes:
-        sides: all upper limits, then all lower ones with their signs turned, (2 kinds N nv,)
+        table: upper limits, lower ones with their signs turned, and both with the tolerance:
+            ``high``, ``-low``, ``most`` and ``least``, shape (4, kinds, N, nv)
             [N m, rad, rad/s, N m].
-        tolerance: excess up to which a limit counts as kept, shape (kinds, N, nv).
+        sides: all upper limits, then all lower ones with their signs turned, (2 kinds N nv,).
+        most: ``high + tolerance``, shape (kinds, N, nv).
         least: ``low - tolerance``.
-        most: ``high + tolerance``.
+        tolerance: excess up to which a limit counts as kept, shape (kinds, N, nv).
         prices: most that a unit of violation may cost, ``UNBOUNDED`` for a hard limit, in the order
             of ``sides``.
         last_torque: torque before stage 0, which the rate counts from, shape (nv,) [N m].
     """
 
+    table: Array
     sides: Array
-    tolerance: Array
-    least: Array
     most: Array
+    least: Array
+    tolerance: Array
     prices: Array
     last_torque: Array
 
@@ -43,19 +46,24 @@ class Bounds(NamedTuple):
     def between(low: Array, high: Array, price: Array, last_torque: Array) -> Bounds:
         """Return bounds with the tolerance that suits their size, and a price for each kind."""
         tolerance = _TOLERANCE * np.maximum(np.abs(high), 1.0)
-        sides = np.concatenate([high.ravel(), -low.ravel()])
         prices = np.tile(np.repeat(price, high[0].size), 2)
-        return Bounds(sides, tolerance, low - tolerance, high + tolerance, prices, last_torque)
+        table = np.stack([high, -low, high + tolerance, low - tolerance])
+        return Bounds._of(table, tolerance, prices, last_torque)
+
+    @staticmethod
+    def _of(table: Array, tolerance: Array, prices: Array, last_torque: Array) -> Bounds:
+        sides, most, least = table[:2].reshape(-1), table[2], table[3]
+        return Bounds(table, sides, most, least, tolerance, prices, last_torque)
 
     @property
     def high(self) -> Array:
         """Upper limits, shape (kinds, N, nv)."""
-        return self.sides[: self.tolerance.size].reshape(self.tolerance.shape)
+        return np.asarray(self.table[0])
 
     @property
     def low(self) -> Array:
         """Lower limits, shape (kinds, N, nv)."""
-        return -self.sides[self.tolerance.size :].reshape(self.tolerance.shape)
+        return np.asarray(-self.table[1])
 
     @staticmethod
     def of(limits: Limits, tau_max: Array, soft_price: float, horizon: int) -> Bounds:
@@ -96,21 +104,14 @@ class Bounds(NamedTuple):
         Args:
             v: velocities at stage 0, shape (nv,) [rad/s].
         """
-        _, horizon, nv = self.tolerance.shape
-        sides, tolerance, least, most, prices, last_torque = self
-        sides, least, most = sides.copy(), least.copy(), most.copy()
-        upper, lower = VELOCITY * horizon * nv, VELOCITY * horizon * nv + tolerance.size
-        forth, back = sides[upper : upper + nv].tolist(), sides[lower : lower + nv].tolist()
-        for joint, speed in enumerate(v.tolist()):
-            if speed > forth[joint]:
-                more = (speed - forth[joint]) * _excess_left(horizon)
-                sides[upper + joint : upper + horizon * nv : nv] += more
-                most[VELOCITY, :, joint] += more
-            elif -speed > back[joint]:
-                more = (-speed - back[joint]) * _excess_left(horizon)
-                sides[lower + joint : lower + horizon * nv : nv] += more
-                least[VELOCITY, :, joint] -= more
-        return Bounds(sides, tolerance, least, most, prices, last_torque)
+        high, back = self.table[:2, VELOCITY, 0].tolist()
+        speeds = v.tolist()
+        above = [max(speed - most, 0.0) for speed, most in zip(speeds, high, strict=True)]
+        below = [max(-speed - most, 0.0) for speed, most in zip(speeds, back, strict=True)]
+        excess = np.array((above, below, above, [-more for more in below]))
+        table = self.table.copy()
+        table[:, VELOCITY] += excess[:, np.newaxis] * _excess_left(table.shape[2])
+        return Bounds._of(table, self.tolerance, self.prices, self.last_torque)
 
     def cheaper(self, share: float) -> Bounds:
         """Return the bounds with a share of the price of leaving soft limits."""
@@ -125,6 +126,15 @@ class Bounds(NamedTuple):
         """
         kept = (values <= self.most) & (values >= self.least)
         return b"\0" not in kept.tobytes()  # many times faster than all()
+
+    def broken(self, values: Array) -> list[int]:
+        """Return the limits that values exceed by more than the tolerance.
+
+        Args:
+            values: shape (kinds, N, nv).
+        """
+        above, below = (values > self.most).ravel(), (values < self.least).ravel()
+        return [*above.nonzero()[0].tolist(), *(below.nonzero()[0] + values.size).tolist()]
 
     def excess(self, values: Array) -> Array:
         """Return by how much values are above the upper and below the lower limits.
@@ -143,5 +153,5 @@ class Bounds(NamedTuple):
 
 @lru_cache(maxsize=16)
 def _excess_left(horizon: int) -> Array:
-    """Return the share of an excess of speed that is left at stages 1..N, shape (N,)."""
-    return np.asarray(_EXCESS_LEFT ** np.arange(1.0, horizon + 1))
+    """Return the share of an excess of speed that is left at stages 1..N, shape (N, 1)."""
+    return np.asarray(_EXCESS_LEFT ** np.arange(1.0, horizon + 1))[:, np.newaxis]

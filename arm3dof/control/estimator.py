@@ -130,9 +130,9 @@ class StateEstimator:
         dt, share, (q, v) = self._dt, self._share, self._numbers
         self.q, self.v = state.q, state.v
         self._numbers = q_now, v_now = state.q.tolist(), state.v.tolist()
-        q_middle = [0.5 * (start + end) for start, end in zip(q, q_now, strict=True)]
-        v_middle = [0.5 * (start + end) for start, end in zip(v, v_now, strict=True)]
-        speeds = zip(v, v_now, u, strict=True)
+        q_middle = [0.5 * (start + end) for start, end in zip(q, q_now)]
+        v_middle = [0.5 * (start + end) for start, end in zip(v, v_now)]
+        speeds = zip(v, v_now, u)
         return q_middle, v_middle, [share * (v1 - v0 - dt * a) for v0, v1, a in speeds]
 
     def _filter(
@@ -157,7 +157,7 @@ class StateEstimator:
         q_middle, v_middle, lastings = [], [], []
         measured = state.q.tolist(), state.v.tolist()
         known = *self._numbers, u, *measured, self.noise, self._surprise, others
-        for q, v, a, q1, v1, noise, surprise, more in zip(*known, strict=True):
+        for q, v, a, q1, v1, noise, surprise, more in zip(*known):
             too_far, too_fast = q1 - q - dt * (v + half * a), v1 - v - dt * a
             place, rate = more or (too_far, too_fast)
             scale, likely = noise * per_sample, _SURPRISING * surprise
@@ -226,7 +226,7 @@ class StateEstimator:
         self._weight = _GAP_MEMORY * self._weight + weight
         share = weight / (self._weight + 1.0)  # 1: the belief that there is none, to begin with
         kept, per_gap = 1 - share, share / self._gap_variance
-        joints = zip(self._variance, gap, strict=True)
+        joints = zip(self._variance, gap)
         self._know([kept * known + per_gap * g * g for known, g in joints])
 
     def _know(self, variance: list[float]) -> None:

@@ -69,30 +69,42 @@ class LoadEstimator:
         self.load, self.mass_error = 0.0, 0.0
         self._normal = (0.0,) * 5
 
-    def unexplained(self, q: Array, v: Array, a: Array, tau: Array) -> list[float]:
-        """Return the torque of a motion that the nominal robot leaves open, joint by joint [N m].
+    def look(
+        self, q: list[float], v: list[float], a: list[float], tau: Array, beside: Array
+    ) -> tuple[list[float], list[float]]:
+        """Look at a motion of the arm, from which ``learn`` may learn.
 
         Args:
-            q: position in the middle of the motion, shape (nv,) [rad].
-            v: mean velocity, shape (nv,) [rad/s].
-            a: mean acceleration, shape (nv,) [rad/s^2].
+            q: position in the middle of the motion, of each joint [rad].
+            v: mean velocity [rad/s].
+            a: mean acceleration [rad/s^2].
             tau: torque that acted, friction compensation taken off, shape (nv,) [N m].
+            beside: torque that acts beside it and is known, shape (nv,) [N m].
+
+        Returns:
+            The torque that the nominal robot leaves open, of each joint, and what the taught load
+            and mass error and ``beside`` leave of that [N m].
         """
-        nominal = pin.rnea(self._nominal.model, self._data, q, v, a).tolist()
-        loaded = pin.rnea(self._unit.model, self._unit_data, q, v, a).tolist()
-        joints = zip(nominal, loaded, tau.tolist(), self._damping, v.tolist(), strict=True)
-        self._motion = [
-            (unit - rigid, rigid, applied - rigid - damping * speed)
-            for rigid, unit, applied, damping, speed in joints
-        ]
-        return [r for _, _, r in self._motion]
+        motion = np.array(q), np.array(v), np.array(a)
+        nominal = pin.rnea(self._nominal.model, self._data, *motion).tolist()
+        loaded = pin.rnea(self._unit.model, self._unit_data, *motion).tolist()
+        load, error = self._taught
+        unexplained, left, seen = [], [], []
+        joints = zip(nominal, loaded, tau.tolist(), self._damping, v, beside.tolist())
+        for rigid, unit, applied, damping, speed, known in joints:
+            r, y = applied - rigid - damping * speed, unit - rigid
+            unexplained.append(r)
+            left.append(r - load * y - error * rigid + known)
+            seen.append((y, rigid, r))
+        self._motion = seen
+        return unexplained, left
 
     def learn(self) -> None:
-        """Learn from the motion that ``unexplained`` was asked about last."""
+        """Learn from the motion that was looked at last."""
         # the normal equations of the two unknowns, in noise units; small enough to write out
         yy, ys, ss, yr, sr = self._normal
         yy, ys, ss, yr, sr = _FORGET * yy, _FORGET * ys, _FORGET * ss, _FORGET * yr, _FORGET * sr
-        for (y, s, r), weight in zip(self._motion, self._weights, strict=True):
+        for (y, s, r), weight in zip(self._motion, self._weights):
             weighed_y, weighed_s = weight * y, weight * s
             yy += weighed_y * y
             ys += weighed_y * s
@@ -109,21 +121,12 @@ class LoadEstimator:
         least, most = _MASS_ERROR_RANGE
         self.mass_error = error if least <= error <= most else min(max(error, least), most)
 
-    def left(self, beside: list[float]) -> list[float]:
-        """Return what the taught load and mass error leave of ``unexplained`` [N m].
-
-        Args:
-            beside: what acts beside them and is known, joint by joint [N m].
-        """
-        load, error = self._taught
-        joints = zip(self._motion, beside, strict=True)
-        return [r - load * y - error * s + known for (y, s, r), known in joints]
-
     def teach(self) -> list[float] | None:
         """Give what was learned to the robot, if it differs from what was taught last.
 
         Returns:
-            How much more of ``unexplained`` that explains [N m]; ``None`` if it is about the same.
+            How much more of the motion that was looked at last it explains, of each joint [N m];
+            ``None`` if it is about the same.
         """
         new, (load, error) = (self.load, self.mass_error), self._taught
         more_load, more_error = new[0] - load, new[1] - error

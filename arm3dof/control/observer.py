@@ -56,7 +56,7 @@ class Observer:
         self._robot, self._dt, self._gain = robot, dt, gain
         limits = robot.limits
         self._tau_max = limits.tau_max.tolist()
-        self._range = list(zip(limits.q_min.tolist(), limits.q_max.tolist(), strict=True))
+        self._range = list(zip(limits.q_min.tolist(), limits.q_max.tolist()))
         self._absurd = (_MOST_UNEXPLAINED * limits.tau_max).tolist()
         self._whole = int(delay / dt + 1e-9)
         self._part = max(delay - self._whole * dt, 0.0)
@@ -89,11 +89,11 @@ class Observer:
         if last is not None:
             half = self._dt / 2
             v, v_now = last.v.tolist(), state.v.tolist()
-            moves = zip(last.q.tolist(), v, state.q.tolist(), v_now, strict=True)
+            moves = zip(last.q.tolist(), v, state.q.tolist(), v_now)
             gap = [q1 - q0 - half * (v0 + v1) for q0, v0, q1, v1 in moves]
             self.jumped = max(map(abs, gap)) > _JUMP
             if self.jumped:
-                joints = zip(gap, self.filter.noise, v, v_now, strict=True)
+                joints = zip(gap, self.filter.noise, v, v_now)
                 self.jumped = any(
                     abs(far) > _JUMP + _JUMP_NOISE * noise + half * abs(v1 - v0)
                     for far, noise, v0, v1 in joints
@@ -126,7 +126,7 @@ class Observer:
                 return last
             return JointState.adopt(t, q, v)
         spans = [self._part] + [self._dt] * self._whole
-        for span, (u, _) in zip(spans, list(self._commands)[1:], strict=True):
+        for span, (u, _) in zip(spans, list(self._commands)[1:]):
             t, q, v = t + span, q + span * v + span**2 / 2 * u, v + span * u
         return JointState.adopt(t, q, v)
 
@@ -143,14 +143,13 @@ class Observer:
     def _learn(self, sample: Sample, u: Array, torque: Array) -> bool:
         q, v, lasting = sample
         per_gain = 1.0 / self._gain
-        meant = zip(u.tolist(), lasting, strict=True)
+        meant = zip(u.tolist(), lasting)
         acceleration = [expected + per_gain * more for expected, more in meant]
-        motion = np.array(q), np.array(v), np.array(acceleration)
-        unexplained = self.estimator.unexplained(*motion, torque)
+        known = self.disturbance
+        unexplained, surprise = self.estimator.look(q, v, acceleration, torque, known)
         if any(map(gt, map(abs, unexplained), self._absurd)):
             self.jumped = True  # no load or push does this: the measurements do not belong together
             return False
-        surprise = self.estimator.left(self.disturbance.tolist())
         changes = None
         if not self._leans(q, acceleration, surprise):
             self.estimator.learn()
@@ -158,7 +157,7 @@ class Observer:
         gain, learned = self._gain, self.disturbance.tolist()
         if changes:  # what is explained from now on is no longer a disturbance, and the reverse
             learned = list(map(add, learned, changes))
-        joints = zip(learned, surprise, self._tau_max, strict=True)
+        joints = zip(learned, surprise, self._tau_max)
         learned = [
             new if -most <= (new := d - gain * more) <= most else min(max(new, -most), most)
             for d, more, most in joints
@@ -174,14 +173,14 @@ class Observer:
         too slowly where nothing moves, is given up while the joint should leave and stays.
         """
         near = _STOP + self.filter.most_noise
-        for at, (low, high) in zip(q, self._range, strict=True):
+        for at, (low, high) in zip(q, self._range):
             if not low + near < at < high - near:
                 break
         else:
             return False  # the usual case, said shortly
         leans = False
         disturbance = self.disturbance.tolist()
-        for joint, (at, (low, high)) in enumerate(zip(q, self._range, strict=True)):
+        for joint, (at, (low, high)) in enumerate(zip(q, self._range)):
             end = (at >= high - near) - (at <= low + near)
             missing = -end * surprise[joint]  # torque on the way away from the stop
             pressing = -end * disturbance[joint]  # what cancelling the disturbance presses with

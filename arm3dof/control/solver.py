@@ -44,6 +44,7 @@ _COLD_TORQUE_ERROR = 1e-4  # without a last plan there is no next step that woul
 _MOST_COLD_TANGENTS = 8
 _FIRST_SHARE = 1 / 6  # of the motion, in the first step of the continuation
 _LEAST_SHARE = 1 / 40
+_SOLVED = QpStatus.SOLVED  # an enum takes as long to look up as an array to add
 _IDLE = 1e-9  # a multiplier below this share of the largest did not matter
 
 _LEAST_TORQUE = 1e-9  # [N m]: a limit of zero, for the purpose of relative errors
@@ -115,7 +116,7 @@ class ProgramSolver:
         if not likely.limits or program.start is None:
             values = limited(program, bounds, program.w_free)
             if bounds.keep(values):
-                return _without_limits(program, bounds, values, QpStatus.SOLVED)
+                return _without_limits(program, bounds, values, _SOLVED)
             if not _is_finite(values):
                 return _without_limits(program, bounds, values, QpStatus.NOT_FINITE)
             likely = _broken_soft_limits(program, bounds, values)
@@ -124,7 +125,7 @@ class ProgramSolver:
         else:
             errors = _TORQUE_ERROR, _MOST_TANGENTS
             optimum = self._retouch(program, bounds, program.start, likely, *errors)
-        solved = optimum.status is QpStatus.SOLVED
+        solved = optimum.status is _SOLVED
         self._likely = _pushing(optimum) if solved else _NONE
         return optimum
 
@@ -136,7 +137,7 @@ class ProgramSolver:
             trial = min(share + step, 1.0)
             start = w * (trial / share) if share else w
             optimum = self._touch(program.gentler(trial), bounds.cheaper(trial), start, likely)
-            if optimum.status is QpStatus.SOLVED:
+            if optimum.status is _SOLVED:
                 share, w = trial, optimum.w
                 likely = _pushing(optimum)
             elif step > _LEAST_SHARE:
@@ -158,7 +159,7 @@ class ProgramSolver:
         solved: Optimum | None = None
         for _ in range(most):
             optimum = self._touch(program, bounds, w, likely)
-            if optimum.status is not QpStatus.SOLVED:
+            if optimum.status is not _SOLVED:
                 return solved or optimum
             if optimum.torque_error <= torque_error:
                 return optimum
@@ -186,7 +187,7 @@ class ProgramSolver:
             values = limited(program, bounds, w)
             error = 0.0 if working.exact else _replace_by_tangents(values, working, w)
             softened = False
-            if status is not QpStatus.SOLVED or bounds.keep(values):
+            if status is not _SOLVED or bounds.keep(values):
                 break
             if not _is_finite(values):
                 status = QpStatus.NOT_FINITE
@@ -228,7 +229,7 @@ class ProgramSolver:
         """
         C, b, through = working.C, working.b, working.through
         if not b.size:
-            return program.w_free, b, QpStatus.SOLVED
+            return program.w_free, b, _SOLVED
         gradient = b - C.dot(program.w_free)  # faster than @ for so few rows
         solution = solve_box(through.dot(C.T), gradient, working.price, inside, self._settings)
         return program.w_free - solution.x.dot(through), solution.x, solution.status
@@ -247,8 +248,10 @@ def _broken_soft_limits(program: Program, bounds: Bounds, values: Array) -> Like
 
     Where torques meet their limits as well, the last plan tells better which will matter.
     """
-    broken = bounds.excess(values) > _tolerance(program, bounds)
-    limits = broken.ravel().nonzero()[0].tolist()
+    limits = bounds.broken(values)
+    if program.fixed is not None:
+        unreached = set(program.fixed.ravel().nonzero()[0].tolist())
+        limits = [limit for limit in limits if limit % values.size not in unreached]
     kinds, of_a_kind = len(values), values[0].size
     if all(POSITION <= limit // of_a_kind % kinds <= VELOCITY for limit in limits):
         return Likely.all_of(limits)

@@ -72,6 +72,9 @@ class TrackingFormulation:
         self._state_gain = self._gain @ prediction.C
         self.motion, self.torque = MotionMap(settings), HorizonTorque(robot, settings.dt, horizon)
         self._free = self._free_response(nv)
+        # where the free response has its decisions; a slice, if it can be, which is faster
+        at = (5 * horizon + first)[:, np.newaxis] * nv + np.arange(nv)
+        self._decided = slice(5 * horizon * nv, -nv) if free else at.ravel()
         self.to_middle = np.ascontiguousarray(self.motion.by_decision[2:].transpose(1, 2, 0))
         slopes, by_state = self.motion.slopes(nv)
         fixed = np.zeros((3, horizon, nv), dtype=np.bool_)
@@ -90,9 +93,7 @@ class TrackingFormulation:
         q, v = state.q, state.v
         if len(reference.q) == 1:
             free = self._free.dot(np.concatenate((reference.q[0], v, q, disturbance)))
-            free = free.reshape(-1, q.size)
-            w_free = free[-self.block_of_stage.size :][self.first_stages].ravel()
-            return TrackingProgram(self, q, v, disturbance, w_free, plan, free)
+            return TrackingProgram(self, q, v, disturbance, free[self._decided], plan, free)
         w_free = self._state_gain @ np.concatenate((-q, v))
         w_free += self._gain @ np.hstack([reference.q, -reference.v]).ravel()
         return TrackingProgram(self, q, v, disturbance, w_free, plan)
@@ -176,8 +177,8 @@ class TrackingProgram:
             disturbance: torque that acts beside ours, shape (nv,) [N m].
             w_free: minimiser of the cost without limits, shape (n,).
             plan: accelerations of the last plan, shifted to now, shape (N, nv) [rad/s^2].
-            free: torques but for the rigid bodies' and motion at w_free, one below the other, with
-                the last acceleration twice, shape (6 N + 1, nv), if they are known already.
+            free: torques but for the rigid bodies' and motion at w_free, one after the other, with
+                the last acceleration twice, shape ((6 N + 1) nv,), if they are known already.
         """
         self.hessian, self.hessian_inverse = formulation.hessian, formulation.hessian_inverse
         self.fixed = formulation.fixed
@@ -196,7 +197,8 @@ class TrackingProgram:
             stack = shared.motion.stacked(self._q, self._v, w, -self._disturbance)
             values = stack[:3]
         else:
-            stack = free[:-1].reshape(6, -1, self._q.size)
+            nv = self._q.size
+            stack = free[:-nv].reshape(6, -1, nv)
             values = stack[:3].copy()
         shared.torque.add(stack[3], stack[4], stack[5], values[0], damping=free is None)
         return values
@@ -232,10 +234,10 @@ class TrackingProgram:
 
     def accelerations(self, w: Array) -> Array | None:
         """See ``Program.accelerations``."""
-        stages = self._formulation.block_of_stage
+        stages, nv = self._formulation.block_of_stage, self._q.size
         if w is self.w_free and self._free is not None:
-            return self._free[-stages.size :]
-        return w.reshape(-1, self._q.size).take(stages, axis=0)
+            return self._free[-stages.size * nv :].reshape(-1, nv)
+        return w.reshape(-1, nv).take(stages, axis=0)
 
     def gentler(self, share: float) -> TrackingProgram:
         """See ``Program.gentler``: w_free is linear in speed and way, so it shrinks with them."""
