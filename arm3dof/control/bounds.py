@@ -22,23 +22,20 @@ class Bounds(NamedTuple):
     A limit is known by its place among the flattened upper limits, followed by the lower ones.
 
     Attributes:
-        table: upper limits, lower ones with their signs turned, and both with the tolerance:
-            ``high``, ``-low``, ``most`` and ``least``, shape (4, kinds, N, nv)
+        sides: all upper limits, then all lower ones with their signs turned, (2 kinds N nv,)
             [N m, rad, rad/s, N m].
-        sides: all upper limits, then all lower ones with their signs turned, (2 kinds N nv,).
-        most: ``high + tolerance``, shape (kinds, N, nv).
-        least: ``low - tolerance``.
         tolerance: excess up to which a limit counts as kept, shape (kinds, N, nv).
+        least: ``low - tolerance``.
+        most: ``high + tolerance``.
         prices: most that a unit of violation may cost, ``UNBOUNDED`` for a hard limit, in the order
             of ``sides``.
         last_torque: torque before stage 0, which the rate counts from, shape (nv,) [N m].
     """
 
-    table: Array
     sides: Array
-    most: Array
-    least: Array
     tolerance: Array
+    least: Array
+    most: Array
     prices: Array
     last_torque: Array
 
@@ -46,24 +43,19 @@ class Bounds(NamedTuple):
     def between(low: Array, high: Array, price: Array, last_torque: Array) -> Bounds:
         """Return bounds with the tolerance that suits their size, and a price for each kind."""
         tolerance = _TOLERANCE * np.maximum(np.abs(high), 1.0)
+        sides = np.concatenate([high.ravel(), -low.ravel()])
         prices = np.tile(np.repeat(price, high[0].size), 2)
-        table = np.stack([high, -low, high + tolerance, low - tolerance])
-        return Bounds._of(table, tolerance, prices, last_torque)
-
-    @staticmethod
-    def _of(table: Array, tolerance: Array, prices: Array, last_torque: Array) -> Bounds:
-        sides, most, least = table[:2].reshape(-1), table[2], table[3]
-        return Bounds(table, sides, most, least, tolerance, prices, last_torque)
+        return Bounds(sides, tolerance, low - tolerance, high + tolerance, prices, last_torque)
 
     @property
     def high(self) -> Array:
         """Upper limits, shape (kinds, N, nv)."""
-        return np.asarray(self.table[0])
+        return self.sides[: self.tolerance.size].reshape(self.tolerance.shape)
 
     @property
     def low(self) -> Array:
         """Lower limits, shape (kinds, N, nv)."""
-        return np.asarray(-self.table[1])
+        return -self.sides[self.tolerance.size :].reshape(self.tolerance.shape)
 
     @staticmethod
     def of(limits: Limits, tau_max: Array, soft_price: float, horizon: int) -> Bounds:
@@ -104,14 +96,25 @@ class Bounds(NamedTuple):
         Args:
             v: velocities at stage 0, shape (nv,) [rad/s].
         """
-        high, back = self.table[:2, VELOCITY, 0].tolist()
-        speeds = v.tolist()
-        above = [max(speed - most, 0.0) for speed, most in zip(speeds, high, strict=True)]
-        below = [max(-speed - most, 0.0) for speed, most in zip(speeds, back, strict=True)]
-        excess = np.array((above, below, above, [-more for more in below]))
-        table = self.table.copy()
-        table[:, VELOCITY] += excess[:, np.newaxis] * _excess_left(table.shape[2])
-        return Bounds._of(table, self.tolerance, self.prices, self.last_torque)
+        _, horizon, nv = self.tolerance.shape
+        sides, tolerance, least, most, prices, last_torque = self
+        sides, least, most = sides.copy(), least.copy(), most.copy()
+        of_speed = slice(VELOCITY * horizon * nv, (VELOCITY + 1) * horizon * nv)
+        forth, back = sides[of_speed], sides[tolerance.size :][of_speed]
+        most_forth, most_back = forth[:nv].tolist(), back[:nv].tolist()
+        for joint, speed in enumerate(v.tolist()):
+            # views with names: what is added to them is added in place, and not copied once more
+            if speed > most_forth[joint]:
+                more = (speed - most_forth[joint]) * _excess_left(horizon)
+                side, edge = forth[joint::nv], most[VELOCITY, :, joint]
+                side += more
+                edge += more
+            elif -speed > most_back[joint]:
+                more = (-speed - most_back[joint]) * _excess_left(horizon)
+                side, edge = back[joint::nv], least[VELOCITY, :, joint]
+                side += more
+                edge -= more
+        return Bounds(sides, tolerance, least, most, prices, last_torque)
 
     def cheaper(self, share: float) -> Bounds:
         """Return the bounds with a share of the price of leaving soft limits."""
@@ -153,5 +156,5 @@ class Bounds(NamedTuple):
 
 @lru_cache(maxsize=16)
 def _excess_left(horizon: int) -> Array:
-    """Return the share of an excess of speed that is left at stages 1..N, shape (N, 1)."""
-    return np.asarray(_EXCESS_LEFT ** np.arange(1.0, horizon + 1))[:, np.newaxis]
+    """Return the share of an excess of speed that is left at stages 1..N, shape (N,)."""
+    return np.asarray(_EXCESS_LEFT ** np.arange(1.0, horizon + 1))

@@ -23,7 +23,6 @@ _MASS_ERROR_PRIOR = 0.3  # standard deviation of s
 _LOAD_PRIOR = 0.25  # standard deviation of m, as a share of the load that stalls a joint
 _TORQUE_NOISE = 0.02  # standard deviation of r, as a share of the torque limit
 _MASS_ERROR_RANGE = (-0.6, 1.5)
-_PARAMETERS = 10  # of a body
 _SAME = 2e-2  # a smaller change of s, or of m as a share of the most, is left to the disturbance
 
 
@@ -44,9 +43,9 @@ class LoadEstimator:
         self._robot, self._nominal = robot, robot.clone()
         nominal = self._nominal
         self._unit = nominal.with_payload((nominal.payload.mass if nominal.payload else 0.0) + 1.0)
-        masses, with_unit = _parameters(nominal), _parameters(self._unit)
         # bodies are linear in the two unknowns: 1 + s of their masses, m of what a unit load adds
-        self._by_unknown = np.stack([masses.ravel(), (with_unit - masses).ravel()], axis=1)
+        self._masses = _parameters(nominal)
+        self._unit_load = _parameters(self._unit) - self._masses
         self._data = self._nominal.model.createData()
         self._unit_data = self._unit.model.createData()
         limits = nominal.limits
@@ -134,8 +133,7 @@ class LoadEstimator:
         if near and new != (0.0, 0.0):
             return None
         self._taught = new
-        unknowns = np.array((1 + self.mass_error, self.load))
-        bodies = self._by_unknown.dot(unknowns).reshape(-1, _PARAMETERS)
+        bodies = self._masses * (1 + self.mass_error) + self._unit_load * self.load
         self._robot.reweigh(list(map(pin.Inertia.FromDynamicParameters, bodies)))
         return [more_load * y + more_error * s for y, s, _ in self._motion]
 

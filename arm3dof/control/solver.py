@@ -178,7 +178,7 @@ class ProgramSolver:
             inside = [True] * limits.size
         working = WorkingSet.of(program, bounds, limits, w)
         is_cold = program.start is None
-        most = self._work + _MOST_WORK_AT_ONCE if is_cold else _MOST_WORK
+        most = min(self._work + _MOST_WORK_AT_ONCE, _MOST_WORK) if is_cold else _MOST_WORK
         for attempt in range(_MOST_ROUNDS):
             if not self._affords(working.b.size / w.size, most):
                 values = limited(program, bounds, program.w_free)
@@ -212,9 +212,10 @@ class ProgramSolver:
             most: work up to which it may.
         """
         late = self._deadline is not None and time.perf_counter() >= self._deadline
-        if late or rows > _MOST_ROWS or self._work + rows**3 > min(most, _MOST_WORK):
+        work = self._work + rows * rows * rows
+        if late or rows > _MOST_ROWS or work > most:
             return False
-        self._work += rows**3
+        self._work = work
         return True
 
     def _solve_dual(

@@ -134,7 +134,8 @@ class Robot:
         self.tool_frame = tool_frame
         self._model = model if self.payload is None else self.payload.attach(model, tool)
         self._data = self._model.createData()
-        self._bodies = [body.copy() for body in list(self._model.inertias)[1:]]
+        self._inertias = self._model.inertias  # of the world, which moves nothing, and the bodies
+        self._bodies = [body.copy() for body in list(self._inertias)[1:]]
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, joints={list(self.joint_names)}, tool={self.tool_frame!r})"
@@ -179,11 +180,10 @@ class Robot:
         Raises:
             InputError: there are more or fewer; the robot stays as it was.
         """
-        if len(bodies) != self.nv:
+        if len(bodies) != len(self._bodies):
             raise InputError(f"bodies has {len(bodies)} entries; {self.name} has {self.nv} joints")
-        inertias = self._model.inertias
-        for joint, body in enumerate(bodies, start=1):  # joint 0 is the world
-            inertias[joint] = body
+        for joint, body in enumerate(bodies, start=1):
+            self._inertias[joint] = body
         self._bodies = list(bodies)
 
     # ---- payload ---------------------------------------------------------------------------
