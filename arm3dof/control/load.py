@@ -23,7 +23,8 @@ _MASS_ERROR_PRIOR = 0.3  # standard deviation of s
 _LOAD_PRIOR = 0.25  # standard deviation of m, as a share of the load that stalls a joint
 _TORQUE_NOISE = 0.02  # standard deviation of r, as a share of the torque limit
 _MASS_ERROR_RANGE = (-0.6, 1.5)
-_SAME = 2e-2  # a smaller change of s, or of m as a share of the most, is left to the disturbance
+_SAME = 2e-2  # a smaller change of s, or of m as a share of the most, is left to the disturbance,
+_SAME_PER_TURN = 0.1  # [1/rad]: and one of so much more where a joint turned far in the sample
 
 
 class LoadEstimator:
@@ -34,13 +35,14 @@ class LoadEstimator:
         mass_error: estimated relative error of all masses.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, dt: float) -> None:
         """Create an estimator.
 
         Args:
             robot: the robot that is taught, as nominal as it is now; the controller's own.
+            dt: length of the motions that will be looked at [s].
         """
-        self._robot, self._nominal = robot, robot.clone()
+        self._robot, self._nominal, self._dt = robot, robot.clone(), dt
         nominal = self._nominal
         self._unit = nominal.with_payload((nominal.payload.mass if nominal.payload else 0.0) + 1.0)
         # bodies are linear in the two unknowns: 1 + s of their masses, m of what a unit load adds
@@ -54,13 +56,13 @@ class LoadEstimator:
         self._damping = nominal.damping.tolist()
         per_kilogram = max(float((self._heaviest() / scale).max()), 1e-6)
         self._most_load = 1.0 / per_kilogram
-        self._same_load = _SAME * self._most_load
         self._load_prior = (_LOAD_PRIOR * self._most_load) ** -2.0
         self._error_prior = _MASS_ERROR_PRIOR**-2.0
         self._taught = 0.0, 0.0
         # of the last motion, joint by joint: the torque that a unit load and the nominal masses
         # take, and r; plain numbers, for arrays this small cost more than what is done with them
         self._motion = [(0.0, 0.0, 0.0)] * nominal.nv
+        self._speeds = [0.0] * nominal.nv
         self.reset()
 
     def reset(self) -> None:
@@ -95,7 +97,7 @@ class LoadEstimator:
             unexplained.append(r)
             left.append(r - load * y - error * rigid + known)
             seen.append((y, rigid, r))
-        self._motion = seen
+        self._motion, self._speeds = seen, v
         return unexplained, left
 
     def learn(self) -> None:
@@ -129,13 +131,22 @@ class LoadEstimator:
         """
         new, (load, error) = (self.load, self.mass_error), self._taught
         more_load, more_error = new[0] - load, new[1] - error
-        near = abs(more_load) < self._same_load and abs(more_error) < _SAME
-        if near and new != (0.0, 0.0):
+        if self._is_small(more_load, more_error) and new != (0.0, 0.0):
             return None
         self._taught = new
         bodies = self._masses * (1 + self.mass_error) + self._unit_load * self.load
         self._robot.reweigh(list(map(pin.Inertia.FromDynamicParameters, bodies)))
         return [more_load * y + more_error * s for y, s, _ in self._motion]
+
+    def _is_small(self, more_load: float, more_error: float) -> bool:
+        """Whether a change is no more than the last motion may be wrong about.
+
+        The middle of a motion stands for all of it, the worse the farther a joint turns.
+        """
+        change = max(abs(more_load) / self._most_load, abs(more_error))
+        if change < _SAME:
+            return True
+        return change < _SAME + _SAME_PER_TURN * self._dt * max(map(abs, self._speeds))
 
     def _heaviest(self) -> Array:
         """Return the largest torque that gravity on a unit load takes, over sampled poses."""

@@ -124,7 +124,7 @@ class MpcController:
         if self.observer.measure(state):
             self._formulation.reset()  # the masses that its torque rows hold are out of date
         state = self.observer.predict(state.t)
-        jumped = self.observer.jumped
+        jumped = self.observer.lost
         if reference is not self._held:
             if not _is_finite(reference.q):
                 return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)

@@ -20,10 +20,10 @@ from arm3dof.state import Array, JointState
 
 _JUMP = 0.05  # [rad]: a position this far from where the velocities lead has jumped
 _JUMP_NOISE = 6.0  # and so many standard deviations of its noise farther
+_LOST = 0.3  # [rad]: after a jump this far a plan that was made before it is of no use
 
 _STOP = 1e-3  # [rad]: a joint this near the end of its range may lean on its stop
 _GIVEN_UP = 0.7  # share of a disturbance that is left after a step in which a stop's joint stayed
-_STAYED = 0.1  # torque that is missing for leaving, as a share of the disturbance to be given up
 
 _MOST_UNEXPLAINED = 3.0  # torque that may come from outside, in multiples of the joint's own
 
@@ -37,6 +37,7 @@ class Observer:
         filter: what is known about state and noise.
         jumped: whether the last measured position does not follow from the one before it and the
             velocities; such a step teaches nothing about torques.
+        lost: whether it jumped so far, or nobody knows how far, that the last plan is of no use.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class Observer:
         self._absurd = (_MOST_UNEXPLAINED * limits.tau_max).tolist()
         self._whole = int(delay / dt + 1e-9)
         self._part = max(delay - self._whole * dt, 0.0)
-        self.estimator = LoadEstimator(robot)
+        self.estimator = LoadEstimator(robot, dt)
         self.filter = StateEstimator(robot.nv, dt, gain, noise)
         self.reset()
 
@@ -76,7 +77,7 @@ class Observer:
         self._commands = deque([(nothing, nothing)] * length, maxlen=length)
         self._known = 0  # how many of them were given
         self._last: JointState | None = None
-        self.jumped = True
+        self.jumped = self.lost = True
 
     def measure(self, state: JointState) -> bool:
         """Learn from a measured state that can be believed.
@@ -85,19 +86,21 @@ class Observer:
             Whether the robot was taught other masses.
         """
         last, self._last = self._last, state
-        self.jumped = True
+        self.jumped = self.lost = True
         if last is not None:
             half = self._dt / 2
             v, v_now = last.v.tolist(), state.v.tolist()
             moves = zip(last.q.tolist(), v, state.q.tolist(), v_now)
             gap = [q1 - q0 - half * (v0 + v1) for q0, v0, q1, v1 in moves]
-            self.jumped = max(map(abs, gap)) > _JUMP
+            farthest = max(map(abs, gap))
+            self.jumped = farthest > _JUMP
             if self.jumped:
                 joints = zip(gap, self.filter.noise, v, v_now)
                 self.jumped = any(
                     abs(far) > _JUMP + _JUMP_NOISE * noise + half * abs(v1 - v0)
                     for far, noise, v0, v1 in joints
                 )
+            self.lost = self.jumped and farthest > _LOST
         if self.jumped or self._known < len(self._commands):
             self.filter.restart(state)  # what acted before the first command is not known
             return False
@@ -110,7 +113,8 @@ class Observer:
 
     def lose(self) -> None:
         """Note that this step's measurement cannot be believed."""
-        self._last, self.jumped = None, True
+        self._last = None
+        self.jumped = self.lost = True
         self.filter.drop_readings()
 
     def predict(self, t: float) -> JointState:
@@ -148,7 +152,7 @@ class Observer:
         known = self.disturbance
         unexplained, surprise = self.estimator.look(q, v, acceleration, torque, known)
         if any(map(gt, map(abs, unexplained), self._absurd)):
-            self.jumped = True  # no load or push does this: the measurements do not belong together
+            self.jumped = self.lost = True  # no load or push does this: it does not belong together
             return False
         changes = None
         if not self._leans(q, acceleration, surprise):
@@ -184,7 +188,7 @@ class Observer:
             end = (at >= high - near) - (at <= low + near)
             missing = -end * surprise[joint]  # torque on the way away from the stop
             pressing = -end * disturbance[joint]  # what cancelling the disturbance presses with
-            if end * acceleration[joint] < 0 and pressing > 0 and missing > _STAYED * pressing:
+            if end * acceleration[joint] < 0 and pressing > 0 and missing > 0:
                 disturbance[joint] *= _GIVEN_UP
             if missing < 0:
                 surprise[joint], leans = 0.0, True
