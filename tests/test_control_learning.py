@@ -205,6 +205,25 @@ def test_a_jump_of_the_arm_teaches_nothing_about_its_load(robot):
     np.testing.assert_array_equal(controller.observer.disturbance, 0.0)
 
 
+def test_a_plan_outlives_a_push_and_not_a_leap(robot):
+    rng, told = np.random.default_rng(4), np.zeros(3)
+    for far, lost in ((0.15, False), (1.0, True)):
+        for _ in range(10):
+            controller = MpcController(robot, MpcSettings(observer_gain=0.0))
+            q, target = 0.5 * rng.normal(size=(2, 3))
+            for _ in range(3):
+                controller.step(JointState(0.0, q, np.zeros(3)), target)
+            away = np.zeros(3)
+            away[rng.integers(3)] = far
+            pushed = JointState(0.0, q + away, np.zeros(3))
+            step = controller.step(pushed, target)
+            assert controller.observer.jumped
+            assert controller.observer.lost is lost
+            optimum = controller.optimise(pushed, target).tau[0]
+            told = np.maximum(told, np.abs(step.tau - optimum))
+    assert told.max() < 0.02 * robot.limits.tau_max.min()
+
+
 def test_one_bad_step_leaves_no_trace(robot):
     rng = np.random.default_rng(3)
     state, target = JointState(0.0, np.zeros(3), np.zeros(3)), 0.3 * TARGET
