@@ -124,14 +124,14 @@ class MpcController:
         if self.observer.measure(state):
             self._formulation.reset()  # the masses that its torque rows hold are out of date
         state = self.observer.predict(state.t)
-        jumped = self.observer.lost
+        lost = self.observer.lost
         if reference is not self._held:
             if not _is_finite(reference.q):
                 return self._fall_back(state, reference, ControlStatus.BAD_TARGET, start)
             reference = self._within_reach(reference, state)
-            jumped |= self._target_jumped(reference)
+            lost |= self._target_jumped(reference)
             self._hold(reference)
-        if jumped:
+        if lost:
             self._forget_plan()
         limit = self.settings.max_step_time
         deadline = None if limit is None else start + limit
