@@ -20,7 +20,6 @@ from arm3dof.state import Array, JointState
 
 _JUMP = 0.05  # [rad]: a position this far from where the velocities lead has jumped
 _JUMP_NOISE = 6.0  # and so many standard deviations of its noise farther
-_LOST = 0.3  # [rad]: after a jump this far a plan that was made before it is of no use
 
 _STOP = 1e-3  # [rad]: a joint this near the end of its range may lean on its stop
 _GIVEN_UP = 0.7  # share of a disturbance that is left after a step in which a stop's joint stayed
@@ -37,7 +36,8 @@ class Observer:
         filter: what is known about state and noise.
         jumped: whether the last measured position does not follow from the one before it and the
             velocities; such a step teaches nothing about torques.
-        lost: whether it jumped so far, or nobody knows how far, that the last plan is of no use.
+        lost: whether a joint jumped farther than it was moving anyway, or nobody knows how far; a
+            plan that was made before is of no use. A fast arm may well have been faster in between.
     """
 
     def __init__(
@@ -92,15 +92,15 @@ class Observer:
             v, v_now = last.v.tolist(), state.v.tolist()
             moves = zip(last.q.tolist(), v, state.q.tolist(), v_now)
             gap = [q1 - q0 - half * (v0 + v1) for q0, v0, q1, v1 in moves]
-            farthest = max(map(abs, gap))
-            self.jumped = farthest > _JUMP
+            self.jumped = self.lost = max(map(abs, gap)) > _JUMP
             if self.jumped:
                 joints = zip(gap, self.filter.noise, v, v_now)
-                self.jumped = any(
-                    abs(far) > _JUMP + _JUMP_NOISE * noise + half * abs(v1 - v0)
+                beyond = [
+                    abs(far) - _JUMP - _JUMP_NOISE * noise - half * abs(v1 - v0)
                     for far, noise, v0, v1 in joints
-                )
-            self.lost = self.jumped and farthest > _LOST
+                ]
+                moved = [self._dt * min(abs(v0), abs(v1)) for v0, v1 in zip(v, v_now)]
+                self.jumped, self.lost = max(beyond) > 0.0, any(map(gt, beyond, moved))
         if self.jumped or self._known < len(self._commands):
             self.filter.restart(state)  # what acted before the first command is not known
             return False
