@@ -24,7 +24,7 @@ from benchmarks.contestants import BareProxqp, Contestant, Ours, PeerContestant
 from benchmarks.motions import Motion, record_motions
 from benchmarks.peers.process import PeerProcess
 from benchmarks.tables import Table, machine
-from benchmarks.timing import Stopwatch, Timing, take_turns
+from benchmarks.timing import Stopwatch, Timing, one_core, take_turns
 
 ROBOTS = ("arm3dof", "ur5", "panda")
 HORIZONS = (10, 20, 40)
@@ -100,7 +100,7 @@ def measure_all(robots: Sequence[str], horizons: Sequence[int], rounds: int) -> 
         rounds: how often each motion is answered.
     """
     cases = []
-    with PeerProcess() as peers:
+    with one_core(), PeerProcess() as peers:
         for name in robots:
             for horizon in horizons:
                 print(f"   {name}, N = {horizon}", file=sys.stderr, flush=True)

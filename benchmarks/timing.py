@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -92,6 +93,23 @@ def take_turns(
         for name, parts in found.items():
             times[name].append(np.concatenate(parts))
     return {name: Timing(np.array(rows)) for name, rows in times.items()}
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Keep this process, and those that it starts, on one core: cores may differ in their pace.
+
+    Where the system cannot do that nothing is done.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(before)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
 
 
 class Stopwatch:

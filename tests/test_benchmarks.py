@@ -2,6 +2,9 @@
 
 import dataclasses
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +18,7 @@ from benchmarks.contestants import BareProxqp
 from benchmarks.motions import random_pair, record_motions
 from benchmarks.peers.pinocchio_arm import build_model
 from benchmarks.peers.problem import Problem
-from benchmarks.timing import Stopwatch, Timing, take_turns
+from benchmarks.timing import Stopwatch, Timing, one_core, take_turns
 
 
 @pytest.mark.parametrize("name", ["arm3dof", "ur5", "panda"])
@@ -95,6 +98,21 @@ class Fake:
     def times(self, motion):
         self._log.append((self._name, motion))
         return np.array([9.0, self._seconds, 2 * self._seconds])
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="this system pins no process")
+def test_what_is_timed_stays_on_one_core():
+    before = os.sched_getaffinity(0)
+    with one_core():
+        assert len(os.sched_getaffinity(0)) == 1
+        seen = subprocess.run(
+            [sys.executable, "-c", "import os; print(len(os.sched_getaffinity(0)))"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    assert seen.stdout.strip() == "1"
+    assert os.sched_getaffinity(0) == before
 
 
 def test_contestants_take_turns():
