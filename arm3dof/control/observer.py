@@ -23,6 +23,7 @@ _JUMP_NOISE = 6.0  # and so many standard deviations of its noise farther
 
 _STOP = 1e-3  # [rad]: a joint this near the end of its range may lean on its stop
 _GIVEN_UP = 0.7  # share of a disturbance that is left after a step in which a stop's joint stayed
+_STAYED = 0.05  # torque that is missing for leaving, as a share of the disturbance to be given up
 
 _MOST_UNEXPLAINED = 3.0  # torque that may come from outside, in multiples of the joint's own
 
@@ -188,7 +189,7 @@ class Observer:
             end = (at >= high - near) - (at <= low + near)
             missing = -end * surprise[joint]  # torque on the way away from the stop
             pressing = -end * disturbance[joint]  # what cancelling the disturbance presses with
-            if end * acceleration[joint] < 0 and pressing > 0 and missing > 0:
+            if end * acceleration[joint] < 0 and pressing > 0 and missing > _STAYED * pressing:
                 disturbance[joint] *= _GIVEN_UP
             if missing < 0:
                 surprise[joint], leans = 0.0, True
