@@ -3,8 +3,6 @@
 import dataclasses
 import json
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pinocchio as pin
@@ -100,19 +98,16 @@ class Fake:
         return np.array([9.0, self._seconds, 2 * self._seconds])
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="this system pins no process")
-def test_what_is_timed_stays_on_one_core():
-    before = os.sched_getaffinity(0)
+def test_what_is_timed_stays_on_one_core_where_that_can_be_asked(monkeypatch):
+    asked = []
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 3}, raising=False)
+    monkeypatch.setattr(os, "sched_setaffinity", lambda pid, cores: asked.append(cores), False)
     with one_core():
-        assert len(os.sched_getaffinity(0)) == 1
-        seen = subprocess.run(
-            [sys.executable, "-c", "import os; print(len(os.sched_getaffinity(0)))"],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-    assert seen.stdout.strip() == "1"
-    assert os.sched_getaffinity(0) == before
+        assert asked == [{3}]
+    assert asked == [{3}, {0, 3}]
+    monkeypatch.delattr(os, "sched_setaffinity")
+    with one_core():
+        assert len(asked) == 2
 
 
 def test_contestants_take_turns():

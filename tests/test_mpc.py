@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from arm3dof.control import solver
+from arm3dof.control.bounds import Bounds
 from arm3dof.control.mpc import MpcController
 from arm3dof.control.paper import PaperFormulation
 from arm3dof.control.qp import ProxqpWorkspace, QpStatus
@@ -398,3 +399,16 @@ def test_the_work_of_a_step_is_bounded_and_ends_at_the_deadline(robot):
     late = MpcController(robot)._solver
     late.begin(deadline=0.0)
     assert not late._affords(0.1)
+
+
+def test_limits_are_broken_where_the_excess_is_larger_than_the_tolerance(robot):
+    rng = np.random.default_rng(12)
+    bounds = Bounds.of(robot.limits, robot.limits.tau_max, 1.0, 10)
+    for _ in range(50):
+        values = 1.2 * np.where(rng.random((3, 10, 3)) < 0.5, bounds.low, bounds.high)
+        values *= rng.uniform(-1.0, 1.0, values.shape)
+        expected = (bounds.excess(values) > bounds.tolerance).ravel().nonzero()[0]
+        np.testing.assert_array_equal(bounds.broken(values), expected)
+        assert bounds.keep(values) is not bool(expected.size)
+    values[0, 0, 0] = np.nan
+    assert not bounds.keep(values)

@@ -17,7 +17,7 @@ from arm3dof.control.optimum import Optimum
 from arm3dof.control.paper import PaperFormulation
 from arm3dof.control.plan import Plan
 from arm3dof.control.program import Program
-from arm3dof.control.qp import QpStatus
+from arm3dof.control.qp import SOLVED
 from arm3dof.control.reference import Reference, Target, sample_target
 from arm3dof.control.settings import MpcSettings
 from arm3dof.control.solver import ProgramSolver
@@ -34,7 +34,7 @@ _MOST_OVERSPEED = 10.0  # a speed of more than this many times its limit is a br
 _MOST_OUTSIDE = 2 * np.pi  # [rad]: and so is a position this far outside its range
 _TARGET_JUMP = 0.1  # [rad]: a target that moves more in one step makes the last plan useless
 _ABSURD = 1e6  # [rad, rad/s, N m]: a limit this large is none
-_SOLVED = QpStatus.SOLVED  # an enum takes as long to look up as an array to add
+# members of enums that every step needs: looked up once, which takes as long as ten globals
 _OPTIMUM, _OPTIMAL = TorqueSource.OPTIMUM, (ControlStatus.SOLVED, ControlStatus.SOFTENED)
 _FARTHEST = 50.0  # [rad]: a target that is farther away pulls no harder
 _FORMULATIONS: dict[str, Callable[[Robot, MpcSettings], Formulation]] = {
@@ -143,7 +143,7 @@ class MpcController:
                 optimum, plan = self._optimise(state, reference)
         if deadline is not None and time.perf_counter() > deadline:
             return self._fall_back(state, reference, ControlStatus.DEADLINE_MISSED, start)
-        if optimum is None or plan is None or optimum.status is not _SOLVED:
+        if optimum is None or plan is None or optimum.status is not SOLVED:
             return self._fall_back(state, reference, ControlStatus.NOT_SOLVED, start)
         self._fallback.remember(plan)
         self._solver.advance(self.settings.horizon, len(self._tau_max))
@@ -211,7 +211,7 @@ class MpcController:
         last, self._target = self._target, reference.q[0].tolist()
         if last is None:
             return True
-        moves = zip(last, self._target)
+        moves = zip(last, self._target, strict=True)
         return any(abs(after - before) > _TARGET_JUMP for before, after in moves)
 
     def _hold(self, reference: Reference) -> None:
@@ -251,7 +251,7 @@ class MpcController:
             except np.linalg.LinAlgError:
                 return None, None
             optimum = self._solver.solve(program, bounds)
-            if optimum.status is not _SOLVED:
+            if optimum.status is not SOLVED:
                 break
             plan = self._plan(state, program, optimum)
         return optimum, plan
@@ -267,7 +267,7 @@ class MpcController:
         positions, speeds = state.q.tolist(), state.v.tolist()
         if sum(map(abs, positions)) <= self._surely[0] and sum(map(abs, speeds)) <= self._surely[1]:
             return True  # the usual case, which NaN is not
-        joints = zip(positions, speeds, self._believable)
+        joints = zip(positions, speeds, self._believable, strict=True)
         return all(low <= q <= high and abs(v) <= fastest for q, v, (low, high, fastest) in joints)
 
     def _within_rate(self, optimum: Optimum) -> Array:
@@ -293,7 +293,7 @@ class MpcController:
         return change
 
     def _limited(self, tau: Array) -> Array:
-        wished = zip(tau.tolist(), self._tau_max)
+        wished = zip(tau.tolist(), self._tau_max, strict=True)
         return np.array([0.0 if isnan(t) else min(max(t, -most), most) for t, most in wished])
 
     def _friction_compensation(self, v_next: Array) -> Array:

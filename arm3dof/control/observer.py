@@ -58,7 +58,7 @@ class Observer:
         self._robot, self._dt, self._gain = robot, dt, gain
         limits = robot.limits
         self._tau_max = limits.tau_max.tolist()
-        self._range = list(zip(limits.q_min.tolist(), limits.q_max.tolist()))
+        self._range = list(zip(limits.q_min.tolist(), limits.q_max.tolist(), strict=True))
         self._absurd = (_MOST_UNEXPLAINED * limits.tau_max).tolist()
         self._whole = int(delay / dt + 1e-9)
         self._part = max(delay - self._whole * dt, 0.0)
@@ -95,12 +95,12 @@ class Observer:
             gap = [q1 - q0 - half * (v0 + v1) for q0, v0, q1, v1 in moves]
             self.jumped = self.lost = max(map(abs, gap)) > _JUMP
             if self.jumped:
-                joints = zip(gap, self.filter.noise, v, v_now)
+                joints = zip(gap, self.filter.noise, v, v_now, strict=True)
                 beyond = [
                     abs(far) - _JUMP - _JUMP_NOISE * noise - half * abs(v1 - v0)
                     for far, noise, v0, v1 in joints
                 ]
-                moved = [self._dt * min(abs(v0), abs(v1)) for v0, v1 in zip(v, v_now)]
+                moved = [self._dt * min(abs(v0), abs(v1)) for v0, v1 in zip(v, v_now, strict=True)]
                 self.jumped, self.lost = max(beyond) > 0.0, any(map(gt, beyond, moved))
         if self.jumped or self._known < len(self._commands):
             self.filter.restart(state)  # what acted before the first command is not known
@@ -185,7 +185,7 @@ class Observer:
             return False  # the usual case, said shortly
         leans = False
         disturbance = self.disturbance.tolist()
-        for joint, (at, (low, high)) in enumerate(zip(q, self._range)):
+        for joint, (at, (low, high)) in enumerate(zip(q, self._range, strict=True)):
             end = (at >= high - near) - (at <= low + near)
             missing = -end * surprise[joint]  # torque on the way away from the stop
             pressing = -end * disturbance[joint]  # what cancelling the disturbance presses with

@@ -29,7 +29,7 @@ from arm3dof.control.bounds import POSITION, TORQUE, VELOCITY, Bounds
 from arm3dof.control.box import solve_box
 from arm3dof.control.optimum import Optimum
 from arm3dof.control.program import Program
-from arm3dof.control.qp import QpSettings, QpStatus
+from arm3dof.control.qp import SOLVED, QpSettings, QpStatus
 from arm3dof.control.working_set import WorkingSet, limited
 from arm3dof.state import Array
 
@@ -44,7 +44,6 @@ _COLD_TORQUE_ERROR = 1e-4  # without a last plan there is no next step that woul
 _MOST_COLD_TANGENTS = 8
 _FIRST_SHARE = 1 / 6  # of the motion, in the first step of the continuation
 _LEAST_SHARE = 1 / 40
-_SOLVED = QpStatus.SOLVED  # an enum takes as long to look up as an array to add
 _IDLE = 1e-9  # a multiplier below this share of the largest did not matter
 
 _LEAST_TORQUE = 1e-9  # [N m]: a limit of zero, for the purpose of relative errors
@@ -116,7 +115,7 @@ class ProgramSolver:
         if not likely.limits or program.start is None:
             values = limited(program, bounds, program.w_free)
             if bounds.keep(values):
-                return _without_limits(program, bounds, values, _SOLVED)
+                return _without_limits(program, bounds, values, SOLVED)
             if not _is_finite(values):
                 return _without_limits(program, bounds, values, QpStatus.NOT_FINITE)
             likely = _broken_soft_limits(program, bounds, values)
@@ -125,7 +124,7 @@ class ProgramSolver:
         else:
             errors = _TORQUE_ERROR, _MOST_TANGENTS
             optimum = self._retouch(program, bounds, program.start, likely, *errors)
-        solved = optimum.status is _SOLVED
+        solved = optimum.status is SOLVED
         self._likely = _pushing(optimum) if solved else _NONE
         return optimum
 
@@ -137,7 +136,7 @@ class ProgramSolver:
             trial = min(share + step, 1.0)
             start = w * (trial / share) if share else w
             optimum = self._touch(program.gentler(trial), bounds.cheaper(trial), start, likely)
-            if optimum.status is _SOLVED:
+            if optimum.status is SOLVED:
                 share, w = trial, optimum.w
                 likely = _pushing(optimum)
             elif step > _LEAST_SHARE:
@@ -159,7 +158,7 @@ class ProgramSolver:
         solved: Optimum | None = None
         for _ in range(most):
             optimum = self._touch(program, bounds, w, likely)
-            if optimum.status is not _SOLVED:
+            if optimum.status is not SOLVED:
                 return solved or optimum
             if optimum.torque_error <= torque_error:
                 return optimum
@@ -187,7 +186,7 @@ class ProgramSolver:
             values = limited(program, bounds, w)
             error = 0.0 if working.exact else _replace_by_tangents(values, working, w)
             softened = False
-            if status is not _SOLVED or bounds.keep(values):
+            if status is not SOLVED or bounds.keep(values):
                 break
             if not _is_finite(values):
                 status = QpStatus.NOT_FINITE
@@ -230,7 +229,7 @@ class ProgramSolver:
         """
         C, b, through = working.C, working.b, working.through
         if not b.size:
-            return program.w_free, b, _SOLVED
+            return program.w_free, b, SOLVED
         gradient = b - C.dot(program.w_free)  # faster than @ for so few rows
         solution = solve_box(through.dot(C.T), gradient, working.price, inside, self._settings)
         return program.w_free - solution.x.dot(through), solution.x, solution.status
